@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.robot.geometry import Mesh, ellipsoid
-from wbc.view.simplify import simplified, within
+from wbc.view.simplify import limit_triangles, simplified
 
 BALL = ellipsoid(np.array([0.3, 0.2, 0.1]))
 MESH = Mesh("ball", BALL.vertices, BALL.faces, (1.0, 0.0, 0.0))
@@ -29,7 +29,7 @@ def test_what_would_vanish_stays() -> None:
 
 
 def test_the_finest_grid_that_will_do() -> None:
-    assert within([MESH], len(MESH.faces))[0] is MESH
-    few = within([MESH, MESH], 3000)
+    assert limit_triangles([MESH], len(MESH.faces))[0] is MESH
+    few = limit_triangles([MESH, MESH], 3000)
     count = sum(len(mesh.faces) for mesh in few)
     assert 1000 < count <= 3000

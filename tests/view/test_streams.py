@@ -127,7 +127,7 @@ def test_rerun_to_which_nobody_listens_ends_in_an_error_instead_of_never(
     problem, monkeypatch
 ) -> None:
     pytest.importorskip("rerun")
-    monkeypatch.setattr("wbc.view.streams.PATIENCE", 0.5)
+    monkeypatch.setattr("wbc.view.streams.FLUSH_TIME", 0.5)
     with closing(socket.socket()) as taken:  # a port at which nobody answers
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]

@@ -34,7 +34,7 @@ EXPLANATION = (
     " support polygon"
 )
 BANDS = "; shaded: 95 % bands of the recording's noise"
-MOST = len(LETTERS)
+MOST_SNAPSHOTS = len(LETTERS)
 
 Snapshots = int | Sequence[float]  # how many, or at which times [s]
 
@@ -90,8 +90,8 @@ def sheet_with_snapshots(
 def check_snapshots(snapshots: Snapshots) -> None:
     """Raise InvalidInputError unless they are 1 to 10."""
     count = snapshots if isinstance(snapshots, int) else len(snapshots)
-    if not 1 <= count <= MOST:
-        raise InvalidInputError(f"snapshots: from 1 to {MOST}, got {count}")
+    if not 1 <= count <= MOST_SNAPSHOTS:
+        raise InvalidInputError(f"snapshots: from 1 to {MOST_SNAPSHOTS}, got {count}")
 
 
 def snapshot_frames(time: Array, snapshots: Snapshots) -> list[int]:
@@ -124,10 +124,10 @@ def snapshot_portraits(series: RmpSeries, frames: Sequence[int]) -> list[Portrai
         for letter, frame in zip(LETTERS, frames, strict=False)
     }
     portraits = portraits_of(series.robot, names)
-    return [_as_moving(one, series, k) for one, k in zip(portraits, frames, strict=True)]
+    return [_with_motion(one, series, k) for one, k in zip(portraits, frames, strict=True)]
 
 
-def _as_moving(portrait: Portrait, series: RmpSeries, frame: int) -> Portrait:
+def _with_motion(portrait: Portrait, series: RmpSeries, frame: int) -> Portrait:
     """Return a portrait with the pendulum of a frame: its CoP, axes and support polygon."""
     # The tracked axes, so that an axis has one colour in all pictures and plots.
     ellipsoid = Ellipsoid(series.semi_axes[frame], series.axes[frame], series.robot.mass)

@@ -21,7 +21,7 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_number, finite_vector
 from wbc.view import style
 from wbc.view.camera import Camera
-from wbc.view.history import DrawnRun, HistoryLike, read_history
+from wbc.view.history import DrawableRun, HistoryLike, read_history
 from wbc.view.options import View
 from wbc.view.panel import Panel
 from wbc.view.portrait import (
@@ -36,15 +36,15 @@ from wbc.view.portrait import (
     write_caption,
 )
 from wbc.view.render import render
-from wbc.view.simplify import within
+from wbc.view.simplify import limit_triangles
 
 FORMATS = (".gif", ".mp4")
 DOTS, LEAST, LARGEST = 100, 150, 65_535  # pixels per inch, and along each side
-TRIANGLES = 40_000  # of the robot: finer ones are not seen
-POSES = 24  # spread over the run, that the camera must hold
-FASTEST = 50  # pictures per second: a GIF has no more
-MOST = 1_000_000  # pictures: half a day of film
-REST = 0.7  # s for which the end is shown
+TRIANGLES = 40_000  # of the robot: finer ones are not visible
+POSES = 24  # spread over the run, that the camera must contain
+MOST_FPS = 50  # pictures per second: a GIF has no more
+MOST_PICTURES = 1_000_000  # pictures: half a day of film
+END_TIME = 0.7  # s for which the end is shown
 MARKS, LINES = 0.8, (1.2, 1.2)  # size of the pendulum; widths of outlines [points]
 ABOVE, EDGE = 0.25, 0.06  # inches, of the title and below the caption
 BITEXACT = ["-pix_fmt", "yuv420p", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
@@ -52,8 +52,8 @@ BITEXACT = ["-pix_fmt", "yuv420p", "-fflags", "+bitexact", "-flags:v", "+bitexac
 Progress = Callable[[int, int], None]
 
 
-class Drawn(Protocol):
-    """What draws rows one after the other into one figure."""
+class RowDrawer(Protocol):
+    """Draws one row after the other into one figure."""
 
     figure: Figure
 
@@ -76,16 +76,17 @@ def film_format(path: str | Path) -> str:
 
 
 def film_rows(time: Array, fps: float, speed: float) -> list[int]:
-    """Return the row of each picture, the end held for a moment."""
+    """Return the row of each picture, with the end held for a moment."""
     pictures = float(time[-1] - time[0]) * fps / speed
-    if pictures > MOST:
+    if pictures > MOST_PICTURES:
         raise InvalidInputError(
-            f"film, speed {speed:g}: {pictures:.1g} pictures, at most {MOST}; let it be faster"
+            f"film, speed {speed:g}: {pictures:.1g} pictures, at most {MOST_PICTURES}; let it be"
+            " faster"
         )
     count = round(pictures) + 1
     wanted = time[0] + np.arange(count) * speed / fps
     rows = np.searchsorted(time, wanted - 1e-9).clip(0, len(time) - 1).tolist()
-    return [*rows, *[len(time) - 1] * round(REST * fps)]
+    return [*rows, *[len(time) - 1] * round(END_TIME * fps)]
 
 
 def film_run(
@@ -128,11 +129,11 @@ def film_run(
     """
     run = read_history(robot, history, terrain)
     return write_film(
-        lambda: Film(run, title, even(size), view), run.time, path, fps, speed, progress
+        lambda: Film(run, title, even_size(size), view), run.time, path, fps, speed, progress
     )
 
 
-def even(size: tuple[int, int]) -> tuple[int, int]:
+def even_size(size: tuple[int, int]) -> tuple[int, int]:
     """Return a size in pixels made even, as films need it.
 
     Raises
@@ -149,7 +150,7 @@ def even(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def write_film(
-    make: Callable[[], Drawn],
+    make: Callable[[], RowDrawer],
     time: Array,
     path: str | Path,
     fps: int,
@@ -159,7 +160,7 @@ def write_film(
     """Write one picture per row, of times (n,) [s]; see :func:`film_run`."""
     path = Path(path)
     ending = film_format(path)
-    fps = whole_number("film, fps", fps, least=1, most=FASTEST)
+    fps = whole_number("film, fps", fps, least=1, most=MOST_FPS)
     speed = finite_number("film, speed", speed, above=0.0)
     if not path.parent.is_dir():
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
@@ -200,12 +201,12 @@ def sheet(size: tuple[int, int]) -> Figure:
 class Film:
     """Draws a run's rows one after the other, from where all of them are seen."""
 
-    def __init__(self, run: DrawnRun, title: str, size: tuple[int, int], view: View) -> None:
+    def __init__(self, run: DrawableRun, title: str, size: tuple[int, int], view: View) -> None:
         width, height = (pixels / DOTS for pixels in size)
         self._run, self._view, self._title = run, view, title
         shapes = RobotMeshes(run.robot).in_joint_frames
         self._joints = [joint for joint, _ in shapes]
-        self._meshes = within([mesh for _, mesh in shapes], TRIANGLES)
+        self._meshes = limit_triangles([mesh for _, mesh in shapes], TRIANGLES)
         self.figure = sheet(size)
         few = np.unique(np.linspace(0, len(run.time) - 1, POSES).astype(int)).tolist()
         seen = [self._portrait(row) for row in few]

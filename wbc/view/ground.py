@@ -7,7 +7,7 @@ from scipy.ndimage import map_coordinates
 
 from wbc.validate import Array
 from wbc.view.camera import NOTHING, Camera, rasterise
-from wbc.view.light import KEY, blurred, lit, towards, unit
+from wbc.view.light import KEY, blurred, light_direction, shaded, unit
 from wbc.view.scene import Scene, colours, triangles
 
 WHITE = np.ones(3)
@@ -39,7 +39,7 @@ def _plane_picture(scene: Scene, camera: Camera, shadow: Array) -> Array:
     depth = _plane_depth(scene, camera)
     ahead = camera.eye + depth[..., None] * (y[:, None] * down + forward)[:, None]
     place = ahead[..., :2] + (depth * x)[..., None] * right[:2]
-    presence = _presence(scene, place) * (depth != 0.0) * _vignette(camera)
+    presence = _opacity(scene, place) * (depth != 0.0) * _vignette(camera)
     step = GRID_STEPS[np.searchsorted(GRID_STEPS[:-1], LEAST_STEP * scene.size)]
     light = 1.0 - GRID_POWER * _grid(place, step) - SHADOW_POWER * shadow
     return WHITE + presence[..., None] * (light[..., None] * COLOUR - WHITE)
@@ -54,7 +54,7 @@ def _plane_depth(scene: Scene, camera: Camera) -> Array:
     return np.where(below, -scene.above_plane(camera.eye) / np.where(below, drop, -1.0), 0.0)
 
 
-def _presence(scene: Scene, place: Array) -> Array:
+def _opacity(scene: Scene, place: Array) -> Array:
     """Return how much there is of the ground at places (..., 2): it fades around the robot."""
     radius = np.linalg.norm(place - scene.centre[:2], axis=-1) / scene.spread
     return np.exp(-(np.minimum(radius / REACH, 9.0) ** 5))
@@ -83,7 +83,7 @@ def _grid(place: Array, step: float) -> Array:
 def _shadow(scene: Scene, camera: Camera) -> Array:
     """Return how much of the key light the robot keeps from the plane (height, width)."""
     coarse = camera.enlarged(0.5)  # it is blurred anyway
-    mask = rasterise(coarse, _fallen(scene, camera, scene.corners)).triangle != NOTHING
+    mask = rasterise(coarse, _shadow_points(scene, camera, scene.corners)).triangle != NOTHING
     radius = max(1, round(SOFTNESS * scene.size * coarse.magnification(scene.centre)))
     soft = blurred(mask.astype(np.float64), radius)
     rows = np.minimum(np.arange(camera.height) // 2, coarse.height - 1)
@@ -91,9 +91,9 @@ def _shadow(scene: Scene, camera: Camera) -> Array:
     return blurred(soft[np.ix_(rows, columns)], 2)
 
 
-def _fallen(scene: Scene, camera: Camera, points: Array) -> Array:
+def _shadow_points(scene: Scene, camera: Camera, points: Array) -> Array:
     """Return where on the plane the shadows of points (..., 3) are."""
-    sun = unit(towards(KEY, camera) + np.array([0.0, 0.0, 1.5]))  # higher: a short shadow
+    sun = unit(light_direction(KEY, camera) + np.array([0.0, 0.0, 1.5]))  # higher: a short shadow
     above = scene.above_plane(points)[..., None]
     return points - above * sun / (sun @ scene.terrain.upright)
 
@@ -114,10 +114,10 @@ def _lay_boards(image: Array, scene: Scene, camera: Camera, coarse: Camera, shad
     x, y = camera.slopes()
     rays = np.column_stack((x[column], y[row], np.ones(len(row)))) @ camera.axes
     points = camera.eye + raster.depth[seen][:, None] * rays
-    behind, _ = coarse.project(_fallen(scene, camera, points))
-    shaded = map_coordinates(shadow, behind[:, ::-1].T - 0.5, order=1)
-    light = lit(corners, colours(scene.boards), camera)[raster.triangle[seen]]
-    light *= 1.0 - SHADOW_POWER * shaded[:, None]
-    presence = _presence(scene, points[:, :2]) * _vignette(camera)[seen]
+    behind, _ = coarse.project(_shadow_points(scene, camera, points))
+    shade = map_coordinates(shadow, behind[:, ::-1].T - 0.5, order=1)
+    light = shaded(corners, colours(scene.boards), camera)[raster.triangle[seen]]
+    light *= 1.0 - SHADOW_POWER * shade[:, None]
+    presence = _opacity(scene, points[:, :2]) * _vignette(camera)[seen]
     image[seen] = WHITE + presence[:, None] * (np.minimum(light, 1.0) - WHITE)
     return np.where(seen, raster.depth, np.inf)

@@ -1,4 +1,4 @@
-"""What is drawn of a run: its history, checked and put into order."""
+"""The history of a run, checked and prepared for drawing."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from wbc.run.obstacles import ObstacleTrack
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array
-from wbc.view.portrait import Aimed, Pose
+from wbc.view.portrait import Pose, TargetMark
 from wbc.view.series import Series, error_series, moment_series, rows_of
 
 
 class HistoryLike(Protocol):
-    """What a run leaves behind; more is drawn if there is more, see :func:`plot_run`."""
+    """The history of a run; optional parts are drawn if present, see :func:`plot_run`."""
 
     @property
     def time(self) -> ArrayLike:
@@ -56,10 +56,10 @@ NO_PHASE = PhaseSpan("", "", 0.0, 0.0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnRun:
-    """What is drawn of a run; without phases none, without any balance None.
+class DrawableRun:
+    """The drawable data of a run.
 
-    What the history has not is empty; ``supports`` is None if it does not say what was held.
+    Parts that the history lacks are empty or None; so is ``supports`` if the contacts are unknown.
     """
 
     robot: Robot
@@ -78,7 +78,7 @@ class DrawnRun:
     terrain: Terrain = LEVEL  # the ground
 
     def pose(self, row: int, support: str | None = None, now: bool = False) -> Pose:
-        """Return what to draw of a row.
+        """Return the pose to draw in a row.
 
         Parameters
         ----------
@@ -110,16 +110,16 @@ class DrawnRun:
         inside = (one for one in self.phases if one.begins <= self.time[row] <= one.ends)
         return max(inside, key=lambda one: one.begins, default=NO_PHASE).name
 
-    def _aims(self, row: int, now: bool) -> Iterator[Aimed]:
+    def _aims(self, row: int, now: bool) -> Iterator[TargetMark]:
         for name, targets in self.targets.items():
             there = np.flatnonzero(np.isfinite(targets).all(axis=1))
             point = self.points[name][row]
             if np.isfinite(point).all() and len(there):
-                yield Aimed(name, point, targets[row] if now else targets[there[-1]])
+                yield TargetMark(name, point, targets[row] if now else targets[there[-1]])
 
 
-def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> DrawnRun:
-    """Return what is to be drawn of a history, on a terrain.
+def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> DrawableRun:
+    """Return the drawable data of a history, on a terrain.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
     places = {name: _rows(history, name, (count, 3)) for name in ("points", "targets")}
     if set(places["points"]) != set(places["targets"]):
         raise InvalidInputError("history: points and targets: expected those of the same tasks")
-    return DrawnRun(
+    return DrawableRun(
         robot,
         time,
         q,

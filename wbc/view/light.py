@@ -15,12 +15,12 @@ GAMMA = 2.2  # of a screen
 KEY, FILL = np.array([-0.45, 0.80, 0.55]), np.array([0.80, 0.10, 0.45])
 
 
-def lit(corners: Array, colours: Array, camera: Camera) -> Array:
+def shaded(corners: Array, colours: Array, camera: Camera) -> Array:
     """Return the lit colour (m, 3) of each triangle (m, 3, 3); both of its sides are alike."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     to_eye = unit(camera.eye - corners.mean(axis=1))
     normal = unit(normal) * np.copysign(1.0, (normal * to_eye).sum(axis=1))[:, None]
-    key, fill = towards(KEY, camera), towards(FILL, camera)
+    key, fill = light_direction(KEY, camera), light_direction(FILL, camera)
     light = BASE_POWER + SKY_POWER * (0.5 + 0.5 * normal[:, 2])
     light += KEY_POWER * np.maximum(normal @ key, 0.0) + FILL_POWER * np.maximum(normal @ fill, 0.0)
     halfway = unit(to_eye + key)
@@ -28,7 +28,7 @@ def lit(corners: Array, colours: Array, camera: Camera) -> Array:
     return colours * light[:, None] ** (1.0 / GAMMA) + gloss[:, None]
 
 
-def towards(light: Array, camera: Camera) -> Array:
+def light_direction(light: Array, camera: Camera) -> Array:
     """Return the unit vector (3,) in the world that points to a light."""
     right, down, forward = camera.axes
     return unit(light[0] * right - light[1] * down - light[2] * forward)

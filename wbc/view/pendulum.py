@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.pendulum_plots import HEIGHT, SOLID, STANDS, plots_of, view_side
+from wbc.view.pendulum_plots import HEIGHT, SOLID, STATIONARY, plots_of, view_side
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
 
 WIDTH = 9.2  # inches
@@ -24,10 +24,10 @@ STRIP_HEIGHT = (0.9, 3.4)  # inches, at least and at most
 FIRST, GAP = 0.78, 0.76  # inches, along the row of plots
 SNAPSHOTS = 9
 SPACING = 0.15  # of the gap between two snapshots, in widths of one
-LEAST = 0.75  # of the distance of two snapshots, in mean distances: their times need room
-SLENDER = 0.18  # of that distance at least, in heights of a strip that is high and narrow
-TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
-EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
+LEAST_SPACING = 0.75  # of the distance of two snapshots, in mean distances: their times need room
+SLENDER_SPACING = 0.18  # of that distance at least, in heights of a strip that is high and narrow
+TRAVEL_SHARE = 0.6  # a motion that covers this much of the strip is drawn where it happened
+TIME_SHARE = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
 Point = tuple[float, float]
 
 
@@ -69,12 +69,12 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
 
 def draw_strip(axes: Axes, history: PendulumHistory) -> None:
     """Draw snapshots side by side, or where they were if the pendulum travels."""
-    chosen = _moments(history)
+    chosen = _snapshot_rows(history)
     side = view_side(history)
     along = history.com @ side
     last = max(len(chosen) - 1, 1)
-    places = _places(history, chosen, side)
-    travels = float(np.ptp(along)) > TRAVELS * float(places[-1] - places[0])
+    places = _snapshot_positions(history, chosen, side)
+    travels = float(np.ptp(along)) > TRAVEL_SHARE * float(places[-1] - places[0])
     for number, (place, k) in enumerate(zip(places.tolist(), chosen.tolist(), strict=True)):
         shift = 0.0 if travels else place - float(_origin(history, k) @ side)
         draw_snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * number / last)
@@ -86,51 +86,48 @@ def draw_strip(axes: Axes, history: PendulumHistory) -> None:
         axes.tick_params(labelsize=style.SMALL, colors=style.BLACK, width=0.6, length=3)
         axes.set_xlabel("along the ground [m]", fontsize=style.SMALL, color=style.BLACK)
     else:
-        spans = [_span(history, k, side) for k in chosen.tolist()]
+        spans = [_extent(history, k, side) for k in chosen.tolist()]
         axes.set_xticks(places + np.mean(spans, axis=1))
-        axes.set_xticklabels([_when(history, k, side) for k in chosen], fontsize=style.SMALL)
+        axes.set_xticklabels([_time_label(history, k, side) for k in chosen], fontsize=style.SMALL)
         axes.tick_params(length=0, colors=style.BLACK)
     for spine in axes.spines.values():
         spine.set_visible(False)
 
 
-def _moments(history: PendulumHistory) -> NDArray[np.intp]:
-    """Return the places of the snapshots: spread over what happens more than over time."""
+def _snapshot_rows(history: PendulumHistory) -> NDArray[np.intp]:
+    """Return the rows of the snapshots, spread over the motion more than over time."""
     turned = np.einsum("nji,njk->nik", history.axes[:-1], history.axes[1:])
     angle = np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
     slid = np.abs(np.diff(history.radii, axis=0)).sum(axis=1)
     moved = np.linalg.norm(np.diff(history.com, axis=0), axis=1) + slid
     way = np.append(0.0, np.cumsum(moved + history.radii[1:].max(axis=1) * angle))
     share = way / max(float(way[-1]), 1e-12)
-    even = history.time / max(float(history.time[-1]), 1e-12)
-    measure = EVENLY * even + (1.0 - EVENLY) * share
+    even_size = history.time / max(float(history.time[-1]), 1e-12)
+    measure = TIME_SHARE * even_size + (1.0 - TIME_SHARE) * share
     wanted = np.linspace(measure[0], measure[-1], SNAPSHOTS)
     return np.unique(np.searchsorted(measure, wanted).clip(0, len(measure) - 1))
 
 
 def _origin(history: PendulumHistory, k: int) -> Array:
-    """Return what a snapshot is centred on: the foot, or the CoM in flight."""
+    """Return the centre of a snapshot: the foot, or the CoM in flight."""
     foot: Array = history.foot[k]
     return history.com[k] if np.isnan(foot).any() else foot
 
 
-def _places(history: PendulumHistory, chosen: NDArray[np.intp], side: Array) -> Array:
-    """Return where the origin of each snapshot is drawn: what is drawn of two never meets.
-
-    Between what is drawn of two snapshots there is always the same gap.
-    """
-    spans = np.array([_span(history, k, side) for k in chosen.tolist()])
+def _snapshot_positions(history: PendulumHistory, chosen: NDArray[np.intp], side: Array) -> Array:
+    """Return the drawn origin of each snapshot, with equal gaps between snapshots."""
+    spans = np.array([_extent(history, k, side) for k in chosen.tolist()])
     gap = SPACING * float(np.median(spans[:, 1] - spans[:, 0]))
     middles = spans.mean(axis=1)
     apart = spans[:-1, 1] - spans[1:, 0] + np.diff(middles) + gap
     whole = float(np.diff(spans, axis=1).sum()) + gap * len(spans)
     high = float(np.abs(history.com[chosen, 2]).max())
-    apart = np.maximum(apart, max(LEAST * whole / len(spans), SLENDER * high))
+    apart = np.maximum(apart, max(LEAST_SPACING * whole / len(spans), SLENDER_SPACING * high))
     return np.concatenate(([0.0], np.cumsum(apart))) - middles
 
 
-def _span(history: PendulumHistory, k: int, side: Array) -> Point:
-    """Return how far what is drawn of a snapshot reaches, to either side of its origin."""
+def _extent(history: PendulumHistory, k: int, side: Array) -> Point:
+    """Return how far a drawn snapshot extends to either side of its origin."""
     shape = history.radii[k] if history.flat else SOLID * history.radii[k]
     turned = side @ history.axes[k]
     half = float(shape[0] if history.flat else np.linalg.norm(turned * shape))
@@ -138,11 +135,11 @@ def _span(history: PendulumHistory, k: int, side: Array) -> Point:
     return min(0.0, com - half), max(0.0, com + half)
 
 
-def _when(history: PendulumHistory, k: int, side: Array) -> str:
+def _time_label(history: PendulumHistory, k: int, side: Array) -> str:
     """Return the time of a snapshot, and where its foot is if feet move."""
     text = f"{round(float(history.time[k]), 2):g} s"
     feet = history.foot @ side
-    if np.nanmax(feet, initial=-np.inf) - np.nanmin(feet, initial=np.inf) < STANDS:
+    if np.nanmax(feet, initial=-np.inf) - np.nanmin(feet, initial=np.inf) < STATIONARY:
         return text
     where = "in the air" if np.isnan(feet[k]) else f"at {feet[k]:.2f} m"
     return f"{text}\n{where}"

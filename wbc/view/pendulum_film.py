@@ -9,7 +9,7 @@ import numpy as np
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.film import Progress, even, sheet, write_film
+from wbc.view.film import Progress, even_size, sheet, write_film
 from wbc.view.pendulum import draw_snapshot
 from wbc.view.pendulum_plots import SOLID, view_side
 
@@ -29,7 +29,12 @@ def film_pendulum(
 ) -> Path:
     """Write a film of a pendulum's motion; the rest is as in :func:`wbc.view.film.film_run`."""
     return write_film(
-        lambda: PendulumFilm(history, title, even(size)), history.time, path, fps, speed, progress
+        lambda: PendulumFilm(history, title, even_size(size)),
+        history.time,
+        path,
+        fps,
+        speed,
+        progress,
     )
 
 

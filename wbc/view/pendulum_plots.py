@@ -17,8 +17,8 @@ from wbc.validate import Array
 from wbc.view import style
 
 WIDTH, HEIGHT = 2.05, 2.2  # inches
-STILL = 0.02  # a plot's axis spans this at least, in its unit: rounding is not to be seen
-STANDS = 0.02  # m: a foot that moves less stands still
+LEAST_SPAN = 0.02  # a plot's axis spans this at least, in its unit: rounding is not to be seen
+STATIONARY = 0.02  # m: a foot that moves less stands still
 AXES = ("about x", "about y", "about z")
 TICKS = 4  # intervals between ticks along x, at most
 ROW, MARGIN = 0.125, 0.1  # inches: a row of a legend, and what is around all of them
@@ -33,36 +33,38 @@ Draw = Callable[[Axes, PendulumHistory], None]
 
 def plots_of(history: PendulumHistory) -> tuple[Draw, Draw, Draw]:
     """Return what draws the plots of a pendulum, each called with axes and the history."""
-    return draw_portrait if has_portrait(history) else draw_turning, draw_ground, draw_momentum
+    return draw_portrait if has_portrait(history) else draw_axes_rates, draw_ground, draw_momentum
 
 
 def has_portrait(history: PendulumHistory) -> bool:
     """Return whether leg or CoM move: if not, a phase portrait is a point."""
-    x, y, _, _ = _portrayed(history)
-    return bool(np.ptp(x) > STILL or np.ptp(y) > STILL)
+    x, y, _, _ = _portrait_coordinate(history)
+    return bool(np.ptp(x) > LEAST_SPAN or np.ptp(y) > LEAST_SPAN)
 
 
-def draw_turning(axes: Axes, history: PendulumHistory) -> None:
+def draw_axes_rates(axes: Axes, history: PendulumHistory) -> None:
     """Draw how fast the masses' axes turn over time."""
     style.plain(axes, "Turning of the masses", "time [s]", "rate [rad/s]")
     time = history.time
     step = Rotation.from_matrix(history.axes[1:] @ history.axes[:-1].transpose(0, 2, 1))
     rate = step.as_rotvec() / np.diff(time)[:, None]
-    for (name, values), colour in zip(_about(history, rate).items(), style.SERIES, strict=False):
+    for (name, values), colour in zip(
+        _components(history, rate).items(), style.SERIES, strict=False
+    ):
         axes.plot(0.5 * (time[1:] + time[:-1]), values, color=colour, linewidth=1.2, label=name)
-    axes.set_ylim(*_at_least(axes.get_ylim(), STILL))
+    axes.set_ylim(*_at_least(axes.get_ylim(), LEAST_SPAN))
     _ticks(axes)
     _legend(axes, axes.get_lines(), 3)
 
 
-def _about(history: PendulumHistory, vectors: Array) -> dict[str, Array]:
+def _components(history: PendulumHistory, vectors: Array) -> dict[str, Array]:
     """Return the components of vectors (n, 3) by name; a planar pendulum turns about -y."""
     return {"about -y": -vectors[:, 1]} if history.flat else dict(zip(AXES, vectors.T, strict=True))
 
 
 def draw_portrait(axes: Axes, history: PendulumHistory) -> None:
     """Draw the leg's angle, or where the CoM is, against its rate, each phase in a colour."""
-    x, y, across, along = _portrayed(history)
+    x, y, across, along = _portrait_coordinate(history)
     style.plain(axes, "Phase portrait", across, along)
     names = list(dict.fromkeys(history.phase))
     for k, name in enumerate(names):
@@ -73,22 +75,22 @@ def draw_portrait(axes: Axes, history: PendulumHistory) -> None:
     ends: dict[str, Any] = {"color": style.BLACK, "markersize": 4, "linestyle": "none"}
     axes.plot(x[0], y[0], marker="o", label="start", **ends)
     axes.plot(x[-1], y[-1], marker="s", label="end", **ends)
-    axes.set_xlim(*_at_least(axes.get_xlim(), STILL))
-    axes.set_ylim(*_at_least(axes.get_ylim(), STILL))
+    axes.set_xlim(*_at_least(axes.get_xlim(), LEAST_SPAN))
+    axes.set_ylim(*_at_least(axes.get_ylim(), LEAST_SPAN))
     _ticks(axes)
     _legend(axes, axes.get_lines(), 2)
 
 
-def _portrayed(history: PendulumHistory) -> tuple[Array, Array, str, str]:
+def _portrait_coordinate(history: PendulumHistory) -> tuple[Array, Array, str, str]:
     """Return a coordinate (n,), its rate (n,), and what they are called."""
     leg, rate = history.com - history.foot, history.com_velocity
-    stays = not np.isnan(leg).any() and float(np.ptp(history.foot, axis=0).max()) < STANDS
+    stays = not np.isnan(leg).any() and float(np.ptp(history.foot, axis=0).max()) < STATIONARY
     if stays:
         side = view_side(history)
         across, up = leg @ side, leg[:, 2]
         angle, length = np.unwrap(np.arctan2(across, up)), np.linalg.norm(leg, axis=1)
         # A leg that is only bent and stretched, as in a squat, is told by its height.
-        if np.ptp(length) <= max(float(np.ptp(angle) * length.mean()), STILL):
+        if np.ptp(length) <= max(float(np.ptp(angle) * length.mean()), LEAST_SPAN):
             speed = ((rate @ side) * up - rate[:, 2] * across) / (across**2 + up**2)
             return np.degrees(angle), speed, "leg from the vertical [°]", "rate [rad/s]"
     # What goes somewhere is told by its sway or its height; else by what moves most.
@@ -122,7 +124,7 @@ def draw_ground(axes: Axes, history: PendulumHistory) -> None:
             span = (support.start, support.end)
             axes.fill_between(span, low, high, color=style.GREY, alpha=0.25, linewidth=0)
         traces = _traces(axes, history, over_time=True)
-        axes.set_ylim(*_shown(history, 0))
+        axes.set_ylim(*_plot_range(history, 0))
     else:
         style.plain(axes, "On the ground", "x [m]", "y [m]")
         for support in history.supports:
@@ -130,7 +132,7 @@ def draw_ground(axes: Axes, history: PendulumHistory) -> None:
                 Polygon(support.polygon, facecolor=style.GREY, alpha=0.22, edgecolor=style.GREY)
             )
         traces = _traces(axes, history, over_time=False)
-        _square(axes, _shown(history, 0), _shown(history, 1))
+        _square(axes, _plot_range(history, 0), _plot_range(history, 1))
     _ticks(axes)
     _legend(axes, traces, 3)
 
@@ -165,23 +167,23 @@ def _square(axes: Axes, x: Range, y: Range) -> None:
     axes.set_ylim(*_at_least(y, scale * sizes[1]))
 
 
-def _shown(history: PendulumHistory, k: int) -> Range:
+def _plot_range(history: PendulumHistory, k: int) -> Range:
     """Return the range of a coordinate: all of CoM, CoP and supports, not all of a far-off CMP."""
     inner = [history.com[:, k], history.cop[:, k]]
     inner += [support.polygon[:, k] for support in history.supports]
     low = min(float(np.nanmin(part, initial=np.inf)) for part in inner)
     high = max(float(np.nanmax(part, initial=-np.inf)) for part in inner)
-    size = max(high - low, STILL)
+    size = max(high - low, LEAST_SPAN)
     far = history.cmp[~(history.com[:, 2] <= history.foot[:, 2]), k]
     low = max(min(low, float(np.nanmin(far, initial=low))), low - size)
     high = min(max(high, float(np.nanmax(far, initial=high))), high + size)
-    return _at_least((low - 0.06 * size, high + 0.06 * size), STILL)
+    return _at_least((low - 0.06 * size, high + 0.06 * size), LEAST_SPAN)
 
 
 def draw_momentum(axes: Axes, history: PendulumHistory) -> None:
     """Draw the angular momentum about the CoM and, on a second axis, the masses' distances."""
     style.plain(axes, "Momentum and masses", "time [s]", "angular momentum [kg m²/s]")
-    parts = _about(history, history.momentum)
+    parts = _components(history, history.momentum)
     for (name, values), colour in zip(parts.items(), style.SERIES, strict=False):
         axes.plot(history.time, values, color=colour, linewidth=1.2, label=name)
     # Constant to rounding: a line, not noise blown up to the size of the plot.

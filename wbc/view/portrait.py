@@ -31,9 +31,11 @@ from wbc.view.solids import solid_surface
 DEFAULT = View()
 REACH = 1.5  # sizes of the robot: the arrow of a force as large as its weight
 WALL = 0.5  # half the side of a wall as drawn, in sizes of the robot
-FAR = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
-REACHED = 5e-3  # m: a target no farther than this from its point is not marked
-SUNK = 0.02  # m: a robot reaching lower than this below the ground is not meant to stand there
+MOST_DISTANCE = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
+TARGET_REACHED = 5e-3  # m: a target no farther than this from its point is not marked
+BELOW_GROUND = (
+    0.02  # m: a robot reaching lower than this below the ground is not meant to stand there
+)
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
 LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
@@ -41,7 +43,7 @@ NARROWEST = 5.2  # points of text per inch of a picture's width where three text
 NARROW = 1.0 / 3.3  # distance between two of them where there is less room, part of the width
 
 
-class Aimed(NamedTuple):
+class TargetMark(NamedTuple):
     """A task's name, the point of the robot that it moves, and where to: (3,) each [m]."""
 
     name: str
@@ -51,7 +53,7 @@ class Aimed(NamedTuple):
     @property
     def distant(self) -> bool:
         """Whether the point is not there yet: only then the target is marked."""
-        return float(np.linalg.norm(self.wanted - self.point)) > REACHED
+        return float(np.linalg.norm(self.wanted - self.point)) > TARGET_REACHED
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +65,7 @@ class Pose:
     stands: bool = True
     grounded: bool = True  # whether there is a ground; a floating robot has none
     obstacles: Sequence[tuple[Shape, Array]] = ()  # shapes, and rotation and origin (3, 4) of each
-    aims: Sequence[Aimed] = ()  # where tasks want points of the robot
+    aims: Sequence[TargetMark] = ()  # where tasks want points of the robot
     terrain: Terrain = LEVEL  # the ground, if there is one
     # Wrenches (6,) from outside by frame, world axes [N, N m].
     wrenches: Mapping[str, Array] = field(default_factory=dict)
@@ -79,7 +81,7 @@ class Portrait:
     outlines: Sequence[Array]  # closed curves (k, 3) [m]: the soles, or the support polygon
     foot: Array | None  # lower end of the pendulum's leg (3,) [m]; None for no leg
     radii: Array  # distances (3,) [m] of the reaction masses from the CoM
-    aims: Sequence[Aimed] = ()  # where tasks want points of the robot
+    aims: Sequence[TargetMark] = ()  # where tasks want points of the robot
     view: View = DEFAULT  # what is drawn, and from where
     arrows: Sequence[tuple[Array, Array]] = ()  # forces: points (3,) where they begin and end
 
@@ -108,7 +110,7 @@ def portrait_of(
     robot = snapshot.robot
     above = (mesh.vertices @ pose.terrain.upright for mesh in meshes)
     lowest = min((float(heights.min()) for heights in above), default=0.0)
-    ground = lowest if lowest < -SUNK or not pose.grounded else 0.0
+    ground = lowest if lowest < -BELOW_GROUND or not pose.grounded else 0.0
     ellipsoid = equimomental(snapshot.inertia, robot.mass)
     scene = Scene(
         meshes if view.shows("robot") else (),
@@ -269,7 +271,9 @@ def extent_of(portrait: Portrait) -> Array:
     around = [mesh.vertices for mesh in scene.solids]
     around += [end[None] for _, end in portrait.arrows if portrait.view.shows("wrenches")]
     around += [aim.wanted[None] for aim in portrait.aims if portrait.view.shows("targets")]
-    near = [p[np.linalg.norm(p - scene.centre, axis=1) < FAR * scene.size] for p in around]
+    near = [
+        p[np.linalg.norm(p - scene.centre, axis=1) < MOST_DISTANCE * scene.size] for p in around
+    ]
     return np.concatenate([scene.extent, *(p - scene.below_centre for p in near)])
 
 

@@ -1,4 +1,4 @@
-"""Pushes by direction, in polar plots: what is survived, beside what theory says."""
+"""Survived pushes by direction, in polar plots, with theoretical bounds."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
         if k < len(maps):
             one = maps[k]
             name = f"{style.literal(one.name)}: " if len(maps) > 1 else ""
-            _plain(axes, f"{name}impulse / (M omega d)\n{_told(maps, k)}")
+            _style_polar(axes, f"{name}impulse / (M omega d)\n{_title_of(maps, k)}")
             _dots(axes, one)
             others: Others = [other for other in maps if other is not one]
             _lines(axes, one, lambda bounds: bounds.ankle, others)
         else:
-            _plain(axes, "impulse [N s]\n ")
+            _style_polar(axes, "impulse [N s]\n ")
             _lines(axes, first, lambda bounds: np.ones_like(bounds.ankle), maps[1:])
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(
@@ -59,7 +59,7 @@ def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
     return figure
 
 
-def _told(maps: Sequence[PushMap], k: int) -> str:
+def _title_of(maps: Sequence[PushMap], k: int) -> str:
     one = maps[k]
     text = f"least {one.least:.2f}, mean {one.mean:.2f}"
     if k == 0 and len(maps) > 1:
@@ -68,7 +68,7 @@ def _told(maps: Sequence[PushMap], k: int) -> str:
     return text
 
 
-def _plain(axes: Any, title: str) -> None:
+def _style_polar(axes: Any, title: str) -> None:
     """Give a polar plot its title and a faint grid; forwards is up, left is left."""
     axes.set_theta_zero_location("N")
     axes.set_title(title, fontsize=style.NORMAL, fontweight="bold", color=style.BLACK, pad=14.0)
@@ -84,7 +84,7 @@ def _closed(angles: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _lines(axes: Any, one: PushMap, per: Callable[[PushBounds], Array], others: Others) -> None:
-    """Draw limits and what theory says, divided by ``per``."""
+    """Draw limits and theoretical bounds, divided by ``per``."""
     around = one.outline
     theory = [
         ("M omega d (ankles, at once)", around.ankle, style.GREY, "--"),

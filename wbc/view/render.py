@@ -1,7 +1,7 @@
 """A picture of a robot, its ellipsoid and the ground, pixel by pixel.
 
-Matplotlib's own 3-D plots sort whole triangles from back to front, which goes wrong where shapes
-cross, as a robot and its ellipsoid always do. Here every pixel sorts for itself.
+Matplotlib's 3-D plots sort whole triangles from back to front, which fails where shapes intersect,
+as a robot and its ellipsoid always do. Here depth is resolved per pixel.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from wbc.validate import Array
 from wbc.view.camera import NOTHING, Camera, rasterise
 from wbc.view.ground import ground_picture
-from wbc.view.light import KEY, blurred, lit, towards, unit
+from wbc.view.light import KEY, blurred, light_direction, shaded, unit
 from wbc.view.scene import Scene, colours
 
 SAMPLES = 2  # per side of a pixel
-LYING = 0.03  # m: a mark no farther behind a board's surface lies on it, at a slant
+MARK_DEPTH = 0.03  # m: a mark no farther behind a board's surface lies on it, at a slant
 CREVICE_POWER, OUTLINE_POWER = 0.45, 0.55
 CREVICE_REACH, CREVICE_DEPTH, OUTLINE_STEP = 0.022, 0.06, 0.02  # parts of the robot's size
 
@@ -43,7 +43,7 @@ def render(scene: Scene, camera: Camera) -> Picture:
     triangle, depth = raster.triangle[rows, columns], raster.depth[rows, columns]
     robot = (triangle != NOTHING) & (depth < boards[rows, columns])
     relief = _relief(depth, scene.size, fine.magnification(scene.centre))
-    image[rows, columns][robot] = lit(scene.corners, scene.colours, fine)[triangle[robot]]
+    image[rows, columns][robot] = shaded(scene.corners, scene.colours, fine)[triangle[robot]]
     image[rows, columns][robot] *= relief[robot, None]
     solid = np.minimum(raster.depth, boards)
     lay_solids(image, solid, scene, fine)
@@ -51,7 +51,7 @@ def render(scene: Scene, camera: Camera) -> Picture:
         lay_ellipsoid(image, solid, scene, fine)
     shape = (camera.height, SAMPLES, camera.width, SAMPLES)
     colours = image.reshape(*shape, 3).mean(axis=(1, 3))
-    nearest = np.minimum(raster.depth, boards + LYING).reshape(shape).min(axis=(1, 3))
+    nearest = np.minimum(raster.depth, boards + MARK_DEPTH).reshape(shape).min(axis=(1, 3))
     return Picture(np.clip(colours, 0.0, 1.0), nearest)
 
 
@@ -82,7 +82,7 @@ def _relief(depth: Array, size: float, magnification: float) -> Array:
 
 # ---------------------------------------------------------------------- obstacles
 
-COVER = 0.3  # how much an obstacle covers what is behind it
+OBSTACLE_OPACITY = 0.3  # how much an obstacle covers what is behind it
 
 
 def lay_solids(image: Array, depth: Array, scene: Scene, camera: Camera) -> None:
@@ -93,8 +93,8 @@ def lay_solids(image: Array, depth: Array, scene: Scene, camera: Camera) -> None
     corners = scene.solid_corners
     raster = rasterise(camera, corners)
     seen = raster.depth < depth
-    shade = np.clip(lit(corners, colours(scene.solids), camera), 0.0, 1.0)[raster.triangle[seen]]
-    image[seen] += COVER * (shade - image[seen])
+    shade = np.clip(shaded(corners, colours(scene.solids), camera), 0.0, 1.0)[raster.triangle[seen]]
+    image[seen] += OBSTACLE_OPACITY * (shade - image[seen])
 
 
 # ---------------------------------------------------------------------- glass
@@ -131,12 +131,12 @@ def lay_ellipsoid(image: Array, depth: Array, scene: Scene, camera: Camera) -> N
     for sign, strength in ((1.0, FAR), (-1.0, NEAR)):
         reach = (sign * root - mixed) / square
         normal = unit((eye + reach[:, None] * ways) / semi_axes @ axes.T)
-        veiled = _glazed(under, normal, rays, scene.tint, camera, strength)
+        veiled = _through_glass(under, normal, rays, scene.tint, camera, strength)
         under = np.where((reach < depth)[:, None], veiled, under)
     image[row, column] = under
 
 
-def _glazed(
+def _through_glass(
     under: Array, normal: Array, rays: Array, tint: Array, camera: Camera, strength: float
 ) -> Array:
     """Return colours (k, 3) seen through glass: clear where it is seen face on, not at the edge."""
@@ -144,7 +144,7 @@ def _glazed(
     slant = 1.0 - facing
     cover = strength * (FACE_ON + (EDGE_ON - FACE_ON) * slant * slant * slant)
     glass = tint * (0.80 + 0.20 * normal[:, 2:])
-    shine = _power64(np.maximum(normal @ unit(towards(KEY, camera) - camera.axes[2]), 0.0))
+    shine = _power64(np.maximum(normal @ unit(light_direction(KEY, camera) - camera.axes[2]), 0.0))
     return under + cover[:, None] * (glass - under) + SHINE * shine[:, None]
 
 

@@ -21,7 +21,7 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.history import DrawnRun, HistoryLike, PhaseSpan, read_history
+from wbc.view.history import DrawableRun, HistoryLike, PhaseSpan, read_history
 from wbc.view.options import View
 from wbc.view.portrait import (
     DEFAULT,
@@ -91,7 +91,7 @@ def run_figure(
     portraits = portraits_of(robot, ends, view)
     half = 0.5 * WIDTH
     high = half * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    why = [*reasons(run)]
+    why = [*explanation_plots(run)]
     rows = 2 if why else 1
     caption = captions(portraits, WIDTH)
     below = BETWEEN + LINE * len(caption) + rows * PLOT
@@ -107,8 +107,8 @@ def run_figure(
     return figure
 
 
-def reasons(run: DrawnRun) -> Iterator[Callable[[Axes], None]]:
-    """Yield what draws why the robot did not do more."""
+def explanation_plots(run: DrawableRun) -> Iterator[Callable[[Axes], None]]:
+    """Yield functions that plot clearances and what held the robot back."""
     if run.clearance:
         yield lambda axes: plot_clearance(axes, run.time, run.clearance)
     if run.active:
@@ -118,9 +118,9 @@ def reasons(run: DrawnRun) -> Iterator[Callable[[Axes], None]]:
 # ---------------------------------------------------------------------- what held it back
 
 LINEAR = 1.0  # mm: nearer to zero the axis is linear, beyond it is logarithmic
-MOST = 9  # rows shown, those that held back the longest
-THICK = 0.62  # of a bar, part of a row
-LONGEST = 34  # characters of a row's label
+MOST_ROWS = 9  # rows shown, those that held back the longest
+BAR_WIDTH = 0.62  # of a bar, part of a row
+LABEL_LENGTH = 34  # characters of a row's label
 
 
 def plot_clearance(axes: Axes, time: Array, clearance: Mapping[str, Array]) -> None:
@@ -142,7 +142,7 @@ def plot_clearance(axes: Axes, time: Array, clearance: Mapping[str, Array]) -> N
 def plot_held_back(axes: Axes, time: Array, active: Mapping[str, NDArray[np.bool_]]) -> None:
     """Draw when each row held the robot back, those that did so the longest on top."""
     longest = sorted(active, key=lambda label: -int(np.count_nonzero(active[label])))
-    shown = longest[:MOST]
+    shown = longest[:MOST_ROWS]
     more = len(longest) - len(shown)
     title = "Held back by" + (f" (and {more} more)" if more else "")
     style.plain(axes, title, "time [s]", "")
@@ -150,10 +150,10 @@ def plot_held_back(axes: Axes, time: Array, active: Mapping[str, NDArray[np.bool
     for row, label in enumerate(shown):
         bars = [(float(time[a]), float(time[b - 1] - time[a] + dt)) for a, b in runs(active[label])]
         colour = style.SERIES[row % len(style.SERIES)]
-        axes.broken_barh(bars, (row - 0.5 * THICK, THICK), color=colour, linewidth=0.0)
+        axes.broken_barh(bars, (row - 0.5 * BAR_WIDTH, BAR_WIDTH), color=colour, linewidth=0.0)
     axes.set_xlim(float(time[0]), float(time[-1]) + (dt if len(time) == 1 else 0.0))
     axes.set_ylim(max(len(shown), 3) - 0.5, -0.5)
-    axes.set_yticks(range(len(shown)), [shortened(label, LONGEST) for label in shown])
+    axes.set_yticks(range(len(shown)), [shortened(label, LABEL_LENGTH) for label in shown])
     axes.tick_params(axis="y", labelsize=style.SMALL - 1.5, length=0)
     axes.grid(visible=False, axis="y")
 
@@ -171,7 +171,7 @@ BAND = "#F1F3F6"  # behind every other phase
 SLANT = 32.0  # degrees
 
 
-def _phased_figure(robot: Robot, run: DrawnRun, title: str, view: View) -> Figure:
+def _phased_figure(robot: Robot, run: DrawableRun, title: str, view: View) -> Figure:
     configurations = {f"start\n{run.phases[0].standing}": run.pose(0, now=True)}
     configurations |= {
         f"{k}  {shortened(phase.name)}, {phase.ends:.1f} s\n{phase.standing}": run.pose(
@@ -204,23 +204,23 @@ def _phased_figure(robot: Robot, run: DrawnRun, title: str, view: View) -> Figur
     return figure
 
 
-def _plots(run: DrawnRun) -> Iterator[Callable[[Axes], None]]:
-    """Yield what draws each plot, from above."""
+def _plots(run: DrawableRun) -> Iterator[Callable[[Axes], None]]:
+    """Yield the function of each plot, from the top."""
     if run.balance is not None:
         balance = run.balance
         yield lambda axes: _plot_balance(axes, run.time, balance)
     yield lambda axes: _plot_moments(axes, run)
     yield lambda axes: plot_errors(axes, run.time, run.errors)
-    yield from reasons(run)
+    yield from explanation_plots(run)
 
 
-def _plot_moments(axes: Axes, run: DrawnRun) -> None:
+def _plot_moments(axes: Axes, run: DrawableRun) -> None:
     plot_moments(axes, run.time, run.moments)
     axes.set_ylabel("moments of inertia [kg m²]", fontsize=style.SMALL)
 
 
 def _draw_plots(
-    axes: Sequence[Axes], run: DrawnRun, plots: Sequence[Callable[[Axes], None]]
+    axes: Sequence[Axes], run: DrawableRun, plots: Sequence[Callable[[Axes], None]]
 ) -> None:
     """Draw the plots below each other, with one time axis."""
     for one, draw in zip(axes, plots, strict=True):

@@ -36,7 +36,7 @@ def simplified(mesh: Mesh, cell: float) -> Mesh:
     return Mesh(mesh.name, means[used], faces.reshape(-1, 3), mesh.colour)
 
 
-def within(meshes: list[Mesh], triangles: int) -> list[Mesh]:
+def limit_triangles(meshes: list[Mesh], triangles: int) -> list[Mesh]:
     """Return meshes with at most so many triangles in all, on the finest grid that will do."""
     made, cell = meshes, FINEST
     while sum(len(mesh.faces) for mesh in made) > triangles and cell < 1.0:

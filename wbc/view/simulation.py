@@ -21,14 +21,14 @@ from wbc.view.series import Series, plot_curves
 WIDTH = 12.0  # inches
 PANEL_SHAPE = (0.9, 1.7)  # height to width of a portrait, at least and at most
 TOP, BELOW_PANEL, ROWS, PLOT = 0.85, 0.35, 3, 2.1  # inches
-SHOWN = 5  # portraits
+PORTRAITS = 5  # portraits
 AFTER_PUSH = (0.0, 0.1, 0.3, 1.0)  # parts of the time after a push at which the robot is drawn
-JOINTS = 4  # whose torque is drawn: those that use most of it
+TORQUE_CURVES = 4  # whose torque is drawn: those that use most of it
 PUSHED = "#FBE9DF"  # behind plots while something pushes
-STILL, UPRIGHT = 2.0, 0.05  # mm, rad: axes are as long at least, or noise would fill them
+LEAST_SPAN, UPRIGHT = 2.0, 0.05  # mm, rad: axes are as long at least, or noise would fill them
 PLANNED = ("plan_com", "plan_cop", "plan_momentum", "angular_momentum")  # if it follows a plan
 APPLIED = "wrenches/"  # what the names of their arrays begin with
-NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
+REQUIRED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
 
 
 def simulation_figure(
@@ -58,13 +58,13 @@ def simulation_figure(
     """
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)
-    acting = [_acting(run, k) for k in moments]
+    acting = [_wrenches_at(run, k) for k in moments]
     names = {
         f"t = {time[k]:.2f} s": portrait.Pose(run["q"][k], terrain=terrain, wrenches=one)
         for k, one in zip(moments, acting, strict=True)
     }
     portraits = portrait.portraits_of(robot, names)
-    width = WIDTH / SHOWN
+    width = WIDTH / PORTRAITS
     high = width * float(np.clip(portrait.shape_of(portraits), *PANEL_SHAPE))
     rows = ROWS + ("plan_com" in run)
     below = rows * PLOT
@@ -113,7 +113,7 @@ def _with_pushes(draw: Callable[[Axes], None], run: Mapping[str, Array], axes: A
 
 def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
     """Return the arrays that are drawn, all of the same length."""
-    missing = [name for name in NEEDED if name not in arrays]
+    missing = [name for name in REQUIRED if name not in arrays]
     if missing:
         raise InvalidInputError(
             f"simulation: no array {', '.join(missing)}; give what wbc sim writes as .npz"
@@ -122,7 +122,7 @@ def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
     run = {"time": finite_array("simulation, time", arrays["time"], (count,))}
     run["q"] = finite_array("simulation, q", arrays["q"], (count, robot.nq))
     soles = [foot.frame for foot in robot.feet.values()]
-    names = [*NEEDED[2:], "cop_margin", *(f"forces/{sole}" for sole in soles)]
+    names = [*REQUIRED[2:], "cop_margin", *(f"forces/{sole}" for sole in soles)]
     names += [f"planned_forces/{sole}" for sole in soles]
     names += [name for name in PLANNED if name in arrays]
     names += [name for name in arrays if name.startswith(APPLIED)]
@@ -144,13 +144,13 @@ def _instants(run: Mapping[str, Array]) -> list[int]:
     """Return the rows in which the robot is drawn: dense after the first push."""
     last, pushes = len(run["time"]) - 1, _pushes(run)
     if not pushes:
-        rows = np.linspace(0, last, min(SHOWN, last + 1))
+        rows = np.linspace(0, last, min(PORTRAITS, last + 1))
     else:
         rows = pushes[0][1] + np.array(AFTER_PUSH) * (last - pushes[0][1])
     return sorted({0, *np.round(rows).astype(int).tolist()})
 
 
-def _acting(run: Mapping[str, Array], row: int) -> dict[str, Array]:
+def _wrenches_at(run: Mapping[str, Array], row: int) -> dict[str, Array]:
     """Return the wrenches (6,) that act in a row, by frame."""
     return {
         name.removeprefix(APPLIED): values[row]
@@ -172,7 +172,7 @@ def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> Non
         Series(one.label, one.colour, one.dashes, 1e3 * (one.values[:, axis] - start))
         for one in parts
     ]
-    _make_room(axes, run, curves)
+    _set_least_span(axes, run, curves)
     plot_curves(axes, run["time"], curves)
 
 
@@ -183,7 +183,7 @@ def _plot_from_plan(axes: Axes, run: Mapping[str, Array]) -> None:
         apart = run[name] - run[f"plan_{name}"]
         columns = slice(0, 2 if name == "cop" else 3)
         curves.append(Series(label, colour, "-", 1e3 * np.linalg.norm(apart[:, columns], axis=1)))
-    _hold(axes, run, 0.0, STILL)
+    _include(axes, run, 0.0, LEAST_SPAN)
     plot_curves(axes, run["time"], curves)
     axes.set_ylim(bottom=0.0)
 
@@ -216,7 +216,7 @@ def _plot_torques(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         used = 100.0 * np.abs(run["torque"]) / robot.limits.effort
     used[:, ~np.isfinite(robot.limits.effort)] = 0.0
-    most = np.argsort(-used.max(axis=0))[:JOINTS]
+    most = np.argsort(-used.max(axis=0))[:TORQUE_CURVES]
     curves = [
         Series(robot.joint_names[j], style.SERIES[k], "-", used[:, j]) for k, j in enumerate(most)
     ]
@@ -233,7 +233,7 @@ def _plot_torques(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
 
 def _plot_tilt(axes: Axes, run: Mapping[str, Array]) -> None:
     style.plain(axes, "Tilt of the trunk", "time [s]", "rad")
-    _hold(axes, run, 0.0, UPRIGHT)
+    _include(axes, run, 0.0, UPRIGHT)
     plot_curves(axes, run["time"], [Series("tilt", style.PURPLE, "-", run["tilt"])])
     axes.set_ylim(bottom=0.0)
 
@@ -241,7 +241,7 @@ def _plot_tilt(axes: Axes, run: Mapping[str, Array]) -> None:
 def _plot_margin(axes: Axes, run: Mapping[str, Array]) -> None:
     style.plain(axes, "CoP inside the soles that bear load", "time [s]", "mm")
     curves = [Series("CoP", style.BLUE, "-", 1e3 * run["cop_margin"])]
-    _make_room(axes, run, curves)
+    _set_least_span(axes, run, curves)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)  # it stretches the axis: before names
     plot_curves(axes, run["time"], curves)
 
@@ -254,16 +254,16 @@ def _plot(axes: Axes, time: Array, curves: Sequence[Series]) -> None:
     plot_curves(axes, time, [one for one in curves if one.label])
 
 
-def _make_room(axes: Axes, run: Mapping[str, Array], curves: Sequence[Series]) -> None:
-    """Let the axis of curves [mm], which are drawn next, be as long as :data:`STILL` at least."""
+def _set_least_span(axes: Axes, run: Mapping[str, Array], curves: Sequence[Series]) -> None:
+    """Let the axis of the next curves [mm] span at least :data:`LEAST_SPAN`."""
     values = np.concatenate([one.values for one in curves])
     seen = values[np.isfinite(values)]
     if seen.size:
         middle = 0.5 * float(seen.min() + seen.max())
-        _hold(axes, run, middle - 0.5 * STILL, middle + 0.5 * STILL)
+        _include(axes, run, middle - 0.5 * LEAST_SPAN, middle + 0.5 * LEAST_SPAN)
 
 
-def _hold(axes: Axes, run: Mapping[str, Array], low: float, high: float) -> None:
+def _include(axes: Axes, run: Mapping[str, Array], low: float, high: float) -> None:
     """Make the next plot's axis include two values."""
     start = float(run["time"][0])
     axes.update_datalim([(start, low), (start, high)])

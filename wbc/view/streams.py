@@ -36,7 +36,7 @@ from wbc.view.mcap_export import (
 
 FOXGLOVE_PORT, LAST_PORT = 8765, 65535
 RERUN_URL = "rerun+http://127.0.0.1:9876/proxy"
-PATIENCE = 10.0  # s in which what waits is sent: without, one that nobody listens to never ends
+FLUSH_TIME = 10.0  # s for sending the queue at the end: without a limit it blocks if nobody listens
 GLASS = (120, 150, 220, 90)
 
 
@@ -158,7 +158,7 @@ class RerunStream:
                 self._out.log(path, rerun.Scalars(value))
 
     def close(self) -> None:
-        """Send what waits, and end.
+        """Send the queue, and end.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class RerunStream:
             Not all was sent: nobody listens there, or the disk is full.
         """
         try:
-            self._out.flush(timeout_sec=PATIENCE)
+            self._out.flush(timeout_sec=FLUSH_TIME)
         except RuntimeError as error:  # of rerun
             raise WbcError(f"{self.where}: not all was sent: {error}") from error
         finally:

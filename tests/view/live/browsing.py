@@ -11,7 +11,7 @@ import numpy as np
 from wbc.problem import load_problem
 from wbc.robot import Snapshot
 from wbc.view.live.layers.robot import RobotShapes
-from wbc.view.live.messages import Pulled
+from wbc.view.live.messages import PullForce
 from wbc.view.live.page import AZIMUTH, DISTANCE, ELEVATION
 from wbc.view.live.session import Session, checked
 from wbc.view.live.simulated import SimulatedSession, strongest_push
@@ -36,7 +36,7 @@ class Live:
         self.viewer = Viewer(robot, title="browser", clock=True, push=push, quiet=True)
         self.start = problem.parts.robot.snapshot(problem.parts.start)
         self.now: Snapshot = self.start
-        self.pull: Pulled | None = None
+        self.pull: PullForce | None = None
         self.push = np.zeros(3)
         self.pushed = False  # at any time: a push is over in three frames
         self.changed = threading.Condition()

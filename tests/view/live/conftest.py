@@ -18,11 +18,11 @@ from tests.problem.loading import problem_of
 from tests.texts import STAND
 from wbc.problem.problem import Problem
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.view.live.collect import obstacles_of, targets_of, told_of
+from wbc.view.live.collect import obstacles_of, targets_of, tick_info
 from wbc.view.live.layers.layer import WORLD
-from wbc.view.live.messages import Frame, Pulled, Restart, Setup
+from wbc.view.live.messages import Frame, PullForce, Restart, Setup
 from wbc.view.live.page import Page, Server
-from wbc.view.live.process import HOST, free_place
+from wbc.view.live.process import HOST, page_address
 from wbc.view.live.session import checked
 
 
@@ -78,7 +78,7 @@ class Stage:
         beside: wbc.Robot | None = None,
     ) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
-        place = free_place(HOST, None)
+        place = page_address(HOST, None)
         self.server = Server(place.host, place.port)
         options = {"push": push, "terrain": terrain, "beside": beside}
         setup = Setup(robot, "test", clock=True, steer=True, **options)  # type: ignore[arg-type]
@@ -122,7 +122,7 @@ class Watched:
 
     def __init__(self) -> None:
         self.seen: list[tuple[np.ndarray, np.ndarray, str]] = []
-        self.pulls: list[Pulled | None] = []
+        self.pulls: list[PullForce | None] = []
         self.asks: dict[int, object] = {}
 
     def update(  # type: ignore[no-untyped-def]
@@ -145,7 +145,7 @@ def frame_at(controller: wbc.Controller, q: np.ndarray, time: float) -> Frame:
     snapshot = controller.robot.snapshot(q)
     tick = controller.step(snapshot)
     targets, obstacles = targets_of(controller), obstacles_of(controller)
-    return Frame(time, q, snapshot.v, told_of(tick), targets, obstacles)
+    return Frame(time, q, snapshot.v, tick_info(tick), targets, obstacles)
 
 
 @pytest.fixture(scope="session")

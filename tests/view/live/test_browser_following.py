@@ -10,7 +10,7 @@ import pytest
 import wbc
 from tests.needs import needs_browser
 from tests.view.live.browsing import PATIENCE, on_screen, opened, picture
-from wbc.view.live.messages import LetGo, PullRobot
+from wbc.view.live.messages import PullRobot, ReleasePull
 from wbc.view.live.viewer import Viewer
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -54,7 +54,7 @@ def test_it_is_grabbed_and_its_targets_are_dragged_in_the_world(browser: Any, li
     page.keyboard.up("Shift")
     found = requests(page, viewer)
     pulls = [one for one in found if isinstance(one, PullRobot)]
-    assert isinstance(found[-1], LetGo) and len(pulls) > 1
+    assert isinstance(found[-1], ReleasePull) and len(pulls) > 1
     grabbed = now.position(pulls[-1].frame) + now.rotation(pulls[-1].frame) @ pulls[-1].point
     assert np.linalg.norm(grabbed - now.position("base")) < 0.15
     np.testing.assert_allclose(pulls[0].target, grabbed, atol=0.02)
@@ -83,7 +83,7 @@ def requests(page: Any, viewer: Viewer) -> list[Any]:
     for _ in range(round(PATIENCE / 0.1)):
         while (request := viewer.next_request()) is not None:
             found.append(request)
-        if any(isinstance(one, LetGo) for one in found):
+        if any(isinstance(one, ReleasePull) for one in found):
             break
         page.wait_for_timeout(100.0)
     return found

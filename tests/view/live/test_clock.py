@@ -6,7 +6,7 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.view.live import clock as module
-from wbc.view.live.clock import BEHIND, Clock
+from wbc.view.live.clock import MOST_DELAY, Clock
 from wbc.view.live.messages import Play, Release, Restart, Speed, StepRequest
 
 
@@ -49,7 +49,7 @@ def test_as_fast_as_can_be(wall: Wall) -> None:
 def test_a_loop_that_was_held_up_does_not_rush_afterwards(wall: Wall) -> None:
     clock = Clock()
     run(clock, wall, 10)
-    wall.now += 10.0 + BEHIND
+    wall.now += 10.0 + MOST_DELAY
     assert run(clock, wall, 100) == pytest.approx(0.5, rel=0.02)
 
 

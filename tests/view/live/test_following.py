@@ -10,7 +10,7 @@ from tests.view.live.conftest import Stage, client_of, tell
 from wbc.rotations import rotation_from
 from wbc.simulation import Terrain
 from wbc.validate import Array
-from wbc.view.live.following import JUMP, SLACK, TIME_CONSTANT
+from wbc.view.live.following import FREE_RADIUS, TIME_CONSTANT, TIME_GAP
 from wbc.view.live.layers.robot import RobotShapes
 from wbc.view.live.messages import Frame
 
@@ -62,7 +62,7 @@ def test_a_robot_far_away_is_at_the_pages_origin(stage: Stage, robot: wbc.Robot)
 
 
 def test_a_robot_that_stands_moves_nothing(stage: Stage, robot: wbc.Robot) -> None:
-    half = 0.5 * SLACK * size_of(robot)
+    half = 0.5 * FREE_RADIUS * size_of(robot)
     for k in range(20):
         show(stage, robot, 0.1 * k, half * np.sin(k), half * np.cos(k))
         np.testing.assert_array_equal(origin(stage), 0.0)
@@ -71,7 +71,7 @@ def test_a_robot_that_stands_moves_nothing(stage: Stage, robot: wbc.Robot) -> No
 
 def test_it_is_a_little_behind_a_walk_and_sways_less(stage: Stage, robot: wbc.Robot) -> None:
     """Behind by the slack and, as a first-order lag, by the speed times its time constant."""
-    following, slack = stage.page._following, SLACK * size_of(robot)
+    following, slack = stage.page._following, FREE_RADIUS * size_of(robot)
     speed, sway, period, dt = 0.3, 0.02, 1.0, 0.04
     points = []
     for t in dt * np.arange(500):
@@ -88,7 +88,7 @@ def test_it_is_a_little_behind_a_walk_and_sways_less(stage: Stage, robot: wbc.Ro
 
 def test_a_restart_and_a_jump_are_not_glided_over(stage: Stage, robot: wbc.Robot) -> None:
     show(stage, robot, 0.0, 0.0)
-    com = show(stage, robot, 2.0 * JUMP, 2.0)
+    com = show(stage, robot, 2.0 * TIME_GAP, 2.0)
     np.testing.assert_allclose(origin(stage)[:2], com[:2], atol=1e-12)
     show(stage, robot, 0.0, 0.0)
     np.testing.assert_array_equal(origin(stage), 0.0)

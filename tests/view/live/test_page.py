@@ -12,7 +12,7 @@ from tests.view.live.conftest import Stage, client_of, frame_at, tell
 from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
 from wbc.rotations import rotation_from
-from wbc.view.live.collect import cast_of, told_of
+from wbc.view.live.collect import controller_info, tick_info
 from wbc.view.live.layers.layer import WORLD
 
 
@@ -38,7 +38,7 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
     robot = controller.robot
     rng = np.random.default_rng(0)
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     rotations, origins = robot.snapshot(q).joint_placements
     joints = list(stage.server.scene._children_from_node_name[f"{WORLD}/robot"])
     assert len(joints) > 10
@@ -159,10 +159,10 @@ def test_a_floating_robot_has_no_leg(stage: Stage, robot: wbc.Robot) -> None:
     start = robot.snapshot(robot.posture("standing"))
     floating = wbc.KinematicController(robot, [wbc.InertiaTask(robot, start.inertia)])
     standing = wbc.KinematicController(robot, floating.tasks, contacts=wbc.support(start, "double"))
-    stage.draw(cast_of(standing), frame_at(standing, start.q, 0.0))
+    stage.draw(controller_info(standing), frame_at(standing, start.q, 0.0))
     names = ("/leg_cop_cmp/leg", "/leg_cop_cmp/cop", "/com/plumb", "/soles_and_support/polygon")
     assert all(stage.handle(name).visible for name in names)
-    stage.draw(cast_of(floating), frame_at(floating, start.q, 0.1))
+    stage.draw(controller_info(floating), frame_at(floating, start.q, 0.1))
     assert not any(stage.handle(name).visible for name in names)
 
 
@@ -177,14 +177,14 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     for _ in range(400):
         tick = controller.step(robot.snapshot(q))
         q = robot.integrate(q, tick.velocity, controller.dt)
-        at_limit = next(iter(told_of(tick).at_limit), "")
+        at_limit = next(iter(tick_info(tick).at_limit), "")
         if at_limit:
             break
     joint, side = at_limit.rsplit(" ", 1)
     bound = tick.qp.upper if side == "upper" else tick.qp.lower
     at = tick.qp.labels.variables.index(joint)
     assert tick.velocity[at] == pytest.approx(bound[at], abs=1e-5)
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     text = stage.page._panel._html.content
     assert "a &lt;wide&gt; one" in text
     assert "<wide>" not in text

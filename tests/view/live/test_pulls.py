@@ -11,8 +11,8 @@ from websockets.sync.client import ClientConnection
 from tests.view.live.conftest import Stage, Watched, client_of, simulated_problem, tell
 from wbc.robot import Robot
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import Frame, LetGo, PullRobot
-from wbc.view.live.simulated import SimulatedSession, pulled
+from wbc.view.live.messages import Frame, PullRobot, ReleasePull
+from wbc.view.live.simulated import SimulatedSession, pull_force
 
 HAND, POINT, STIFFNESS = "left_hand_link", np.array([0.0, 0.01, 0.02]), 60.0
 
@@ -30,7 +30,7 @@ def test_a_pull_is_a_spring_until_it_is_let_go(tmp_path: Path) -> None:
     robot = one.parts.robot
     target = placed(robot, one.parts.start) + [0.05, 0.0, 0.02]
     viewer = Watched()
-    viewer.asks |= {10: PullRobot(HAND, POINT, target, STIFFNESS), 200: LetGo()}
+    viewer.asks |= {10: PullRobot(HAND, POINT, target, STIFFNESS), 200: ReleasePull()}
     SimulatedSession(one, viewer, Clock(0.0)).run(700)  # type: ignore[arg-type]
     points = np.array([placed(robot, q) for q, *_ in viewer.seen])
     acting = [k for k, pull in enumerate(viewer.pulls) if pull is not None]
@@ -70,7 +70,7 @@ def test_a_pull_is_at_most_the_weight(robot: Robot) -> None:
     now = robot.snapshot(robot.posture("standing"))
     way = np.array([0.6, 0.0, 0.8])
     wanted = PullRobot("base", np.zeros(3), now.position("base") + 100.0 * way, 1e3)
-    np.testing.assert_allclose(pulled(wanted, now).force, 9.81 * robot.mass * way, rtol=1e-9)
+    np.testing.assert_allclose(pull_force(wanted, now).force, 9.81 * robot.mass * way, rtol=1e-9)
 
 
 @pytest.fixture
@@ -120,14 +120,14 @@ def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(
         tell_drag(client, "end", shape, grabbed + drawn, pointer + drawn)
         first, second, last = received(grabbable, 3)
     assert isinstance(first, PullRobot) and isinstance(second, PullRobot)
-    assert last == LetGo()
+    assert last == ReleasePull()
     now = robot.snapshot(q)
     at = now.position(second.frame) + now.rotation(second.frame) @ second.point
     np.testing.assert_allclose(at, grabbed, atol=1e-9)
-    np.testing.assert_allclose(pulled(first, now).force, 0.0, atol=1e-9)
+    np.testing.assert_allclose(pull_force(first, now).force, 0.0, atol=1e-9)
     np.testing.assert_allclose(second.target, pointer)
     soft = second._replace(stiffness=0.1 * second.stiffness)
-    grabbable.draw(Frame(0.1, q, np.zeros(robot.nv), pull=pulled(soft, now)))
+    grabbable.draw(Frame(0.1, q, np.zeros(robot.nv), pull=pull_force(soft, now)))
     arrow = grabbable.handle("/pull/arrow")
     assert arrow.visible
     np.testing.assert_allclose(arrow.points[0, 0], grabbed, atol=1e-5)  # single precision
@@ -154,7 +154,7 @@ def test_a_pointer_that_rests_goes_with_the_view(grabbable: Stage, robot: Robot)
         grabbable.draw(Frame(0.1, q, v))  # nothing has moved
         drawn = np.asarray(grabbable.handle("").position)
         tell_drag(client, "end", shape, pointer, pointer)
-        assert received(grabbable, 1) == [LetGo()]
+        assert received(grabbable, 1) == [ReleasePull()]
     assert isinstance(first, PullRobot) and isinstance(second, PullRobot)
     assert drawn[0] < -0.5
     np.testing.assert_allclose(first.target, pointer)
@@ -170,7 +170,7 @@ def test_who_leaves_the_page_lets_go(grabbable: Stage, robot: Robot) -> None:
     with client_of(grabbable.url) as client:
         tell_drag(client, "start", shape_of(grabbable, HAND), np.zeros(3), np.zeros(3))
         assert isinstance(*received(grabbable, 1), PullRobot)
-    assert received(grabbable, 1) == [LetGo()]
+    assert received(grabbable, 1) == [ReleasePull()]
 
 
 def shape_of(stage: Stage, link: str) -> str:

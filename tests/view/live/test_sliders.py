@@ -6,7 +6,7 @@ import pytest
 import wbc
 from tests.view.live.conftest import Stage, client_of, frame_at
 from wbc.spatial import vech
-from wbc.view.live.collect import cast_of
+from wbc.view.live.collect import controller_info
 from wbc.view.live.messages import Release, SetTarget, SetWeight
 
 
@@ -28,7 +28,7 @@ def test_what_sliders_ask_for(stage: Stage, controller: wbc.KinematicController)
     robot = controller.robot
     q = robot.posture("standing")
     start = robot.snapshot(q)
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     with client_of(stage.url) as client:
 
         def asked(label: str, value: float) -> SetTarget:
@@ -56,7 +56,7 @@ def test_sliders_follow_the_targets(stage: Stage, controller: wbc.KinematicContr
     robot = controller.robot
     q = robot.posture("standing")
     start = robot.snapshot(q)
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     assert stage.gui("xx times").value == 1.0
     controller.tasks[1].set_target(1.2 * start.inertia)  # type: ignore[attr-defined]
     controller.tasks[0].set_target(start.com + 0.03)  # type: ignore[attr-defined]
@@ -67,7 +67,7 @@ def test_sliders_follow_the_targets(stage: Stage, controller: wbc.KinematicContr
 
 
 def test_giving_back(stage: Stage, controller: wbc.KinematicController) -> None:
-    stage.draw(cast_of(controller), frame_at(controller, controller.robot.posture(), 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, controller.robot.posture(), 0.0))
     with client_of(stage.url) as client:
         stage.move_slider(client, "shape", 1.0)
         assert stage.pipe.recv() == SetWeight("shape", 10.0)
@@ -81,12 +81,12 @@ def test_another_controller_has_other_sliders(
 ) -> None:
     robot = controller.robot
     q = robot.posture("standing")
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     other = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)])
-    stage.draw(cast_of(other), frame_at(other, q, 0.1))
+    stage.draw(controller_info(other), frame_at(other, q, 0.1))
     assert not stage.gui("shape").visible
     assert stage.gui("posture").visible
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.2))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.2))
     assert stage.gui("shape").visible
     assert not stage.gui("posture").visible
     with pytest.raises(IndexError):  # made once, and shown again

@@ -17,7 +17,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live import process
 from wbc.view.live.messages import Frame, Restart, Setup
-from wbc.view.live.process import HOST, PageAddress, free_place
+from wbc.view.live.process import HOST, PageAddress, page_address
 from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching
 
@@ -122,9 +122,9 @@ def test_a_port_in_use(robot: wbc.Robot) -> None:
         with pytest.raises(InvalidInputError, match=rf"{port}: Address already in use; choose"):
             Viewer(robot, port=port)
     with pytest.raises(InvalidInputError, match="from 1 to 65535"):
-        free_place(HOST, 70_000)
+        page_address(HOST, 70_000)
     with pytest.raises(InvalidInputError, match=r"no.such.host:8080"):
-        free_place("no.such.host", 8080)
+        page_address("no.such.host", 8080)
 
 
 def test_without_a_port_the_next_free_one_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +133,7 @@ def test_without_a_port_the_next_free_one_is_taken(monkeypatch: pytest.MonkeyPat
         other.listen()
         port = other.getsockname()[1]
         monkeypatch.setattr(process, "PORT", port)
-        assert port < free_place(HOST, None).port < port + process.TRIED
+        assert port < page_address(HOST, None).port < port + process.PORTS_TRIED
 
 
 def test_what_cannot_be_shown(robot: wbc.Robot, viewer: Viewer) -> None:

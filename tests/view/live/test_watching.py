@@ -9,7 +9,7 @@ from tests.view.live.conftest import Stage
 from wbc.problem.problem import Problem
 from wbc.robot import Robot
 from wbc.run.result import Result
-from wbc.view.live.collect import cast_of
+from wbc.view.live.collect import controller_info
 from wbc.view.live.messages import SetTarget, WholeRun
 from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching, frames_of
@@ -87,7 +87,7 @@ def test_a_replay_takes_the_place_of_what_was_seen(
     )
     other = wbc.KinematicController(robot, one.tasks, contacts=wbc.support(start, "left"))
     late = next(k for k, frame in enumerate(frames) if frame.time > 0.5)
-    stage.draw(cast_of(one), frames[0], cast_of(other), frames[late])
+    stage.draw(controller_info(one), frames[0], controller_info(other), frames[late])
     stage.draw(WholeRun(tuple(frames)))
     stage.page._controls._replaying = False
     polygon = stage.handle("/soles_and_support/polygon")

@@ -24,7 +24,7 @@ from wbc.view.history import read_history
 from wbc.view.report import write_report
 from wbc.view.report.replay import MOST, replay_data, replay_rows
 from wbc.view.report.report import report_text
-from wbc.view.simplify import within
+from wbc.view.simplify import limit_triangles
 
 ODD = """# </script><b>@DATA@ & "quotes"\n""" + REACH
 
@@ -79,7 +79,7 @@ def test_the_replay_is_the_run(result: Result, page: str) -> None:
 
 def test_shapes_are_rounded_by_less_than_a_step(result: Result, page: str) -> None:
     shapes = RobotMeshes(result.robot).in_joint_frames
-    meshes = within([mesh for _, mesh in shapes], 40_000)
+    meshes = limit_triangles([mesh for _, mesh in shapes], 40_000)
     for part, (joint, _), mesh in zip(data_of(page)["parts"], shapes, meshes, strict=True):
         raw = np.frombuffer(base64.b64decode(part["corners"]), dtype="<u2").reshape(-1, 3)
         step = np.array(part["step"])

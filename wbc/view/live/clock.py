@@ -9,11 +9,11 @@ from wbc.errors import InvalidInputError
 from wbc.validate import finite_number
 from wbc.view.live.messages import Play, Request, Restart, Speed, StepRequest
 
-BEHIND = 0.1  # s: a loop later than this does not try to catch up
+MOST_DELAY = 0.1  # s: a loop that is later does not catch up
 
 
 class Clock:
-    """The pace of a loop that the user may stop.
+    """The pace of a loop that the user can pause.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Clock:
         self._due = None
 
     def receive(self, request: Request) -> None:
-        """Do what the user wants of the clock."""
+        """Apply a request to the clock."""
         match request:
             case Play(playing):
                 self.playing, self._steps, self._due = playing, 0, None
@@ -62,8 +62,7 @@ class Clock:
     def remaining(self, dt: float) -> float:
         """Return how long to wait [s] before the tick that follows one of ``dt`` [s]; 0: go on.
 
-        Infinite while it is paused: until the user wants something. A step or a restart that was
-        asked for is due at once; it counts as done.
+        Infinite while paused. A requested step or restart is due at once, and then counts as done.
         """
         if self.restart:
             return 0.0
@@ -75,7 +74,7 @@ class Clock:
         if not self.speed:
             return 0.0
         now = time.monotonic()
-        if self._due is None or now > self._due + BEHIND:
+        if self._due is None or now > self._due + MOST_DELAY:
             self._due = now
         left = self._due + dt / self.speed - now
         if left <= 0.0:

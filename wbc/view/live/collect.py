@@ -1,4 +1,4 @@
-"""Collects from a controller and its tick what the page shows, in the sender's thread."""
+"""Collects the page's data from a controller and its tick, in the sender's thread."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wbc.robot.collision import CollisionModel
 from wbc.robot.names import COM
 from wbc.run.history import held_joints
 from wbc.validate import Array
-from wbc.view.live.messages import Cast, ContactInfo, PairsInfo, TaskInfo, Told
+from wbc.view.live.messages import ContactInfo, ControllerInfo, PairsInfo, TaskInfo, TickInfo
 
 KINDS: Mapping[type[tasks.Task], str] = {
     tasks.ComTask: "com",
@@ -29,11 +29,11 @@ KINDS: Mapping[type[tasks.Task], str] = {
 }
 
 
-def cast_of(controller: Controller) -> Cast:
-    """Return what does not change while a controller keeps its contacts."""
+def controller_info(controller: Controller) -> ControllerInfo:
+    """Return a controller's tasks, contacts and constraints."""
     held = (one for one in controller.contacts if isinstance(one, Contact))
     margins = (_pairs(one) for one in controller.constraints)
-    return Cast(
+    return ControllerInfo(
         dt=controller.dt,
         tasks=tuple(_task(task) for task in controller.tasks),
         contacts=tuple(ContactInfo(one.frame, one.friction) for one in held),
@@ -81,15 +81,15 @@ def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
 
 
 def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:
-    """Return where the obstacles are: rotation and origin, by name."""
+    """Return the obstacles' rotations and origins, by name."""
     known = (one for one in controller.constraints if isinstance(one, Obstacles))
     return {one.name: (one.rotation, one.origin) for around in known for one in around.obstacles}
 
 
-def told_of(tick: Tick, seconds: float | None = None) -> Told:
-    """Return what a tick says of itself; ``seconds`` includes what the tick does not know of."""
+def tick_info(tick: Tick, seconds: float | None = None) -> TickInfo:
+    """Return the results of a tick; ``seconds``: the whole loop's time."""
     strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
-    told = Told(
+    told = TickInfo(
         ok=tick.ok,
         report="solved" if tick.ok else tick.report(),
         seconds=tick.times.total if seconds is None else seconds,

@@ -1,4 +1,4 @@
-"""Play, pause, step, speed, and going back in time; and what pushes a robot."""
+"""Play, pause, step, speed, going back in time; and push controls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wbc.validate import Array
 from wbc.view.live.messages import Play, PushRobot, Request, Restart, Speed, StepRequest
 from wbc.view.live.recording import Recording
 
-SETTLED = 0.3  # s after the last move of the slider: it is no longer in somebody's hand
+USER_HOLD_TIME = 0.3  # s after the user's last move of the slider, until it may move by itself
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "max": 0.0}
 BUTTONS: Mapping[str, Request] = {
     "Play": Play(True),
@@ -21,7 +21,7 @@ BUTTONS: Mapping[str, Request] = {
     "Step": StepRequest(),
     "Restart": Restart(),
 }
-FIRST = 0.25  # of the largest push: what the slider begins with
+INITIAL_SHARE = 0.25  # of the largest push: what the slider begins with
 STEPS = 100  # of the slider
 HINT = "Or hold Shift and drag a part of the robot: it is pulled towards the pointer."
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.9em 0.4em;color:#555"
@@ -30,7 +30,7 @@ Send = Callable[[Request], None]
 
 
 class Controls:
-    """Buttons of the loop's clock, and the slider through what was recorded.
+    """Buttons of the loop's clock, and the slider through the recording.
 
     Attributes
     ----------
@@ -85,10 +85,10 @@ class Controls:
         if self.past is None or self._replaying:
             now = last if self.past is None else self.past
             self._slider.value = round(min(max(now, self._slider.min), self._slider.max), 2)
-        elif self._moved_at is not None and time.monotonic() > self._moved_at + SETTLED:
+        elif self._moved_at is not None and time.monotonic() > self._moved_at + USER_HOLD_TIME:
             self._moved_at = None
-            # Where the user has it: an update that was on its way may have moved it.
-            self._slider.value = self.past + 0.01  # what does not change is not sent
+            # The user's position: an update in flight may have moved the slider.
+            self._slider.value = self.past + 0.01  # unchanged values are not sent
             self._slider.value = self.past
         looking_back = self.past is not None
         if self._live.visible != looking_back:
@@ -96,12 +96,12 @@ class Controls:
 
 
 class PushControls:
-    """Strength and direction of a push at the CoM, along the ground, and what gives it."""
+    """Strength and direction of a horizontal push at the CoM, and its button."""
 
     def __init__(self, gui: GuiApi, send: Send, largest: float) -> None:
         step = float(f"{largest / STEPS:.1g}")
         count = round(largest / step)
-        first = float(f"{step * round(FIRST * count):.6g}")  # 1.82, not 1.8200000000000001
+        first = float(f"{step * round(INITIAL_SHARE * count):.6g}")  # 1.82, not 1.8200000000000001
         with gui.add_folder("Push"):
             self._impulse = gui.add_slider("Impulse [N s]", 0.0, step * count, step, first)
             self._angle = gui.add_slider(

@@ -1,9 +1,8 @@
-"""The view follows the robot: which point of the ground is shown where the page has its origin.
+"""The view follows the robot: the point of the ground that is shown at the page's origin.
 
-The scene is moved under the camera, not the camera over the scene: the page alone knows where its
-camera is while somebody turns it, so a camera that the server moved would jump back under the
-user's hand. What the page tells of the pointer is from its own origin; handles of targets, which
-are below the node that is moved, are told in the world's axes.
+The scene is moved, not the camera: only the page knows its camera while the user turns it, so a
+camera moved by the server would jump back. Pointer positions from the page are relative to its
+origin; handles of targets, below the moved node, are in world axes.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from viser import GuiApi
 from wbc.simulation.terrain import Terrain
 from wbc.validate import Array
 
-SLACK = 0.15  # of the robot's size: a CoM this near, as over standing feet, moves nothing
+FREE_RADIUS = 0.15  # of the robot's size: a CoM this near to the point does not move it
 TIME_CONSTANT = 0.25  # s: of what is beyond that; steps sway the view by a third of the CoM's sway
-JUMP = 1.0  # s: what is further apart in time, or goes back, is not followed but begun with
+TIME_GAP = 1.0  # s: after a longer gap, or backwards in time, the point jumps to the CoM
 
 
 class Following:
@@ -46,7 +45,7 @@ class Following:
         self, gui: GuiApi, size: float, terrain: Terrain, changed: Callable[[], None]
     ) -> None:
         self.point: Array = np.zeros(3)
-        self._slack, self._slope = SLACK * size, np.array(terrain.slope)
+        self._slack, self._slope = FREE_RADIUS * size, np.array(terrain.slope)
         self._time = math.nan  # of the last call [s]
         self._box = gui.add_checkbox(
             "Follow the robot", True, hint="Horizontally; the camera turns and zooms as before."
@@ -66,7 +65,7 @@ class Following:
         here, com = self.point[:2], com[:2]
         away = com - here
         distance = float(np.linalg.norm(away))
-        if not 0.0 <= elapsed < JUMP:
+        if not 0.0 <= elapsed < TIME_GAP:
             here = np.zeros(2) if np.linalg.norm(com) <= self._slack else com
         elif distance > self._slack:
             part = -math.expm1(-elapsed / TIME_CONSTANT)

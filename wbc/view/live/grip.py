@@ -1,4 +1,4 @@
-"""What the user holds of the robot: a part that is grabbed with Shift, and pulled."""
+"""Pulling a part of the robot by dragging it with Shift."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view.live.layers.forces import REACH
-from wbc.view.live.messages import LetGo, PullRobot, Request
+from wbc.view.live.messages import PullRobot, ReleasePull, Request
 from wbc.view.live.shown import Shown
 
 KEY = "shift"  # held while dragging: a drag without it turns the camera
 
 
 class Grip:
-    """Asks for pulls at the part that is dragged.
+    """Sends pull requests for the dragged part.
 
     A spring pulls the grabbed point towards the pointer, in the plane through the point that faces
     the camera. It is as stiff as makes the arrow of its force end at the pointer.
@@ -30,7 +30,7 @@ class Grip:
     links:
         Name of the link, and the node, of each shape that can be grabbed.
     send:
-        Told of each drag, by :class:`PullRobot`, and of its end, by :class:`LetGo`.
+        Told of each drag, by :class:`PullRobot`, and of its end, by :class:`ReleasePull`.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Grip:
             with self._changing:
                 if event.phase == "end":
                     self._link = ""
-                    self._send(LetGo())
+                    self._send(ReleasePull())
                     return
                 if event.phase == "start" and self._shown is not None:
                     self._grab(link, np.array(event.start_position), self._shown)
@@ -75,7 +75,7 @@ class Grip:
         self._send(PullRobot(self._link, self._point, target, self._stiffness))
 
     def show(self, shown: Shown) -> None:
-        """Take note of a frame; a pointer that rests goes through the world with the view."""
+        """Update for a frame; a resting pointer moves through the world with the view."""
         with self._changing:
             before, self._shown = self._shown, shown
             if self._link and before is not None and (shown.followed != before.followed).any():

@@ -1,4 +1,4 @@
-"""A robot's loop in the browser: its estimate and how sure that is, mode, faults, cycle times."""
+"""A robot's loop in the browser: estimate with its uncertainty, mode, faults, cycle times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wbc.view.live.viewer import PERIOD, Viewer
 
 
 def watch_loop(robot: Robot, ring: RingLog, port: int | None = None) -> None:
-    """Show what a loop logs, in a browser, until the loop's process is gone.
+    """Show a loop's log in a browser until the loop's process ends.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def watch_loop(robot: Robot, ring: RingLog, port: int | None = None) -> None:
 
 
 def remark(robot: Robot, row: dict[str, Array]) -> str:
-    """Return what is to be known of a row of the log, in words."""
+    """Return the remarks on a row of the log, in words."""
     tilt, yaw, velocity, position = row["deviations"].tolist()
     feet = tuple(robot.feet)
     stands = ", ".join(feet[k] for k in bits_set(row["standing"][0])) or "none"

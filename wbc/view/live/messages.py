@@ -1,4 +1,4 @@
-"""What the control process tells the page, and what the page asks for."""
+"""Messages between the control process and the page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Setup:
 
 
 class TaskInfo(NamedTuple):
-    """A task as the page knows it."""
+    """A task, for the page."""
 
     name: str
     kind: str  # com, position, orientation, pose, axis, inertia, principal or other
@@ -39,8 +39,8 @@ class TaskInfo(NamedTuple):
     axis: Array | None = None  # (3,) of axis, in the frame's axes
 
 
-class Pulled(NamedTuple):
-    """What pulls at the robot now: a force (3,) [N] at a point (3,) [m] of a frame, world axes."""
+class PullForce(NamedTuple):
+    """The pull on the robot now: a force (3,) [N] at a point (3,) [m] of a frame, world axes."""
 
     frame: str
     point: Array
@@ -48,7 +48,7 @@ class Pulled(NamedTuple):
 
 
 class ContactInfo(NamedTuple):
-    """A frame that is held; ``friction`` is None where none is asked for."""
+    """A contact; ``friction`` is None if it has no cone."""
 
     frame: str
     friction: FrictionCone | None
@@ -61,13 +61,13 @@ class PairsInfo(NamedTuple):
     bodies: tuple[Body, ...]
     pairs: tuple[tuple[int, int], ...]  # N pairs of indices of bodies
     margins: Array  # (N,) distance that each pair keeps [m]
-    # Names and shapes of the last bodies, which do not hang on the robot.
+    # Names and shapes of the last bodies, which are not attached to the robot.
     obstacles: tuple[tuple[str, Shape], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Cast:
-    """Who plays: again whenever the controller, its contacts or its constraints change."""
+class ControllerInfo:
+    """Tasks, contacts and constraints; sent again whenever these change."""
 
     dt: float
     tasks: tuple[TaskInfo, ...]
@@ -76,8 +76,8 @@ class Cast:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What a tick says of itself."""
+class TickInfo:
+    """Results of a tick."""
 
     ok: bool
     report: str
@@ -105,7 +105,7 @@ class Frame:
     time: float  # [s]
     q: Array
     v: Array
-    told: Told | None = None
+    told: TickInfo | None = None
     # Target of each task, by name: position; rotation; position and rotation; direction; inertia
     # xx xy xz yy yz zz or principal moments [kg m^2].
     targets: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
@@ -116,13 +116,13 @@ class Frame:
     playing: bool = True
     # (3,) force that pushes the robot now [N], world axes; None where nothing can.
     push: Array | None = None
-    pull: Pulled | None = None  # what the user pulls at, and how; None while nobody does
+    pull: PullForce | None = None  # what the user pulls at, and how; None while nobody does
     beside: Array | None = None  # configuration of the one beside
 
 
 @dataclass(frozen=True, eq=False)
 class WholeRun:
-    """A whole run, instead of what was seen of it."""
+    """A whole run, replacing the frames sent while it ran."""
 
     frames: tuple[Frame, ...]
 
@@ -147,11 +147,11 @@ class SetWeight(NamedTuple):
 
 
 class Release(NamedTuple):
-    """Give all targets and weights back to who set them before."""
+    """Restore all targets and weights that the page has changed."""
 
 
 class Play(NamedTuple):
-    """Go on, or pause."""
+    """Continue, or pause."""
 
     playing: bool
 
@@ -167,7 +167,7 @@ class Speed(NamedTuple):
 
 
 class Restart(NamedTuple):
-    """Begin again."""
+    """Start the run again."""
 
 
 class PushRobot(NamedTuple):
@@ -177,7 +177,7 @@ class PushRobot(NamedTuple):
 
 
 class PullRobot(NamedTuple):
-    """Pull a point of the robot by a spring from now on, until :class:`LetGo`."""
+    """Pull a point of the robot by a spring from now on, until :class:`ReleasePull`."""
 
     # frame and point: what is pulled: (3,) in the frame's axes from its origin [m].
     frame: str
@@ -186,9 +186,9 @@ class PullRobot(NamedTuple):
     stiffness: float  # [N/m]
 
 
-class LetGo(NamedTuple):
+class ReleasePull(NamedTuple):
     """End a pull."""
 
 
-Wish = SetTarget | SetWeight | Release  # of the tasks; the others are of who moves the robot
-Request = Wish | PushRobot | PullRobot | LetGo | Play | StepRequest | Speed | Restart
+TaskRequest = SetTarget | SetWeight | Release  # the others are for the loop
+Request = TaskRequest | PushRobot | PullRobot | ReleasePull | Play | StepRequest | Speed | Restart

@@ -1,9 +1,9 @@
-"""Who may open the page's connection: pages of its own address, and programs that are no browser.
+"""The origin check of connections: only the server's own pages, and programs without a browser.
 
-A browser lets any page of the web open a websocket to this machine, and tells by the header
-``Origin`` which page it was. Whoever is connected may steer; so foreign pages are refused. A page
-may also come under a name of its own that points to this machine (DNS rebinding): a server for
-this machine only answers to this machine's names.
+Browsers let any web page open a websocket to this machine, and send the page's address in the
+header ``Origin``. A connection can steer the robot, so foreign pages are refused. A page may also
+use a name that resolves to this machine (DNS rebinding): a local server accepts this machine's
+names only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Answer = Callable[[ServerConnection, Request], Response | None]
 
 
 def refusal(host: str, headers: Headers) -> str:
-    """Return why a server on ``host`` refuses a request; nothing if it does not."""
+    """Return why a server on ``host`` refuses a request; empty if it accepts it."""
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1:
         return "one Host and at most one Origin are expected"
@@ -37,7 +37,7 @@ def refusal(host: str, headers: Headers) -> str:
 
 
 def _name(address: str) -> str:
-    """Return the host of an address, without its port; nothing if it is none."""
+    """Return the host of an address, without its port; empty if it is invalid."""
     try:
         return urlsplit(f"//{address}").hostname or ""
     except ValueError:
@@ -46,7 +46,7 @@ def _name(address: str) -> str:
 
 @contextmanager
 def own_pages_only(host: str) -> Iterator[None]:
-    """Let the server that is started meanwhile refuse foreign pages; viser has no option for it."""
+    """Make a server started in this context refuse foreign pages; viser has no option for it."""
     serve = websocket_server.serve
 
     def guarded(*arguments: Any, process_request: Answer | None = None, **options: Any) -> Any:

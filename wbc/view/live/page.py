@@ -1,7 +1,6 @@
-"""The page: receives frames, draws the selected one, and passes on what the user asks for.
+"""The page: receives frames, draws the selected one, and sends the user's requests.
 
-One thread draws. What the user does is answered by viser's threads, which only take note of it or
-send it on.
+One thread draws. The user's actions are handled by viser's threads, which only record or send them.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer,
 from wbc.view.live.layers.pushes import PullLayer, PushLayer
 from wbc.view.live.layers.robot import BesideLayer, RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
-from wbc.view.live.messages import Cast, Frame, Request, Restart, Setup, WholeRun
+from wbc.view.live.messages import ControllerInfo, Frame, Request, Restart, Setup, WholeRun
 from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import LivePanel
 from wbc.view.live.process import Failed, Ready
@@ -36,16 +35,16 @@ from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
 from wbc.view.live.sliders import Sliders
 
-NICE = 10  # the control loop comes first where processors are few
-SHARE = 0.2  # of a processor: what drawing takes at most; where that is slow, fewer frames
-PERIOD = 1.0 / 40.0  # s between looks at what has come
-PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
-GLASS = 0.55  # opacity of the robot once there are contact forces to see
+NICE = 10  # lower priority than the control loop
+SHARE = 0.2  # of a processor: limit on drawing; slow drawing means fewer frames
+PERIOD = 1.0 / 40.0  # s between checks for messages
+PANEL_PERIOD = 0.15  # s between updates of the numbers: faster ones cannot be read
+ROBOT_OPACITY = 0.55  # opacity of the robot once there are contact forces to see
 AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
 
 
 class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
-    """A server that refuses foreign pages, and that nobody can ask for a tunnel to the internet."""
+    """A server that refuses foreign pages, and requests for a public tunnel."""
 
     def __init__(self, host: str, port: int, label: str | None = None) -> None:
         with own_pages_only(host):
@@ -64,9 +63,9 @@ class Page:
         self._pipe, self._sending = pipe, threading.Lock()
         self._robot, self._terrain = setup.robot, setup.terrain
         self._recording = Recording()
-        self._cast: Cast | None = None
-        self._drawn: tuple[Frame, Cast | None] | None = None
-        self._drawn_cast: Cast | None = None
+        self._cast: ControllerInfo | None = None
+        self._drawn: tuple[Frame, ControllerInfo | None] | None = None
+        self._drawn_cast: ControllerInfo | None = None
         self._changed = self._seen_forces = False
         self._last: Shown | None = None
         self._panel_at = self._controls_at = 0.0
@@ -152,7 +151,7 @@ class Page:
     # ------------------------------------------------------------------ the one that draws
 
     def run(self) -> None:
-        """Receive until the pipe closes, and draw while anybody looks."""
+        """Receive until the pipe closes, and draw while a browser is connected."""
         while True:
             if self._pipe.poll(PERIOD):
                 while self._pipe.poll():
@@ -161,18 +160,18 @@ class Page:
                 self._welcome()
                 began = time.thread_time()
                 self.draw()
-                # However long that took: the rest of a processor is the control loop's.
+                # Sleep in proportion, to leave the processor to the control loop.
                 time.sleep((1.0 / SHARE - 1.0) * (time.thread_time() - began))
 
     def _welcome(self) -> None:
-        """Let the run begin anew for the first who looks: it may be over by then."""
+        """Start the recording from the beginning for the first browser: the run may be over."""
         if self._awaited:
             self._awaited = False
             self.send(Restart())
 
-    def receive(self, message: Frame | Cast | WholeRun) -> None:
-        """Take note of a message."""
-        if isinstance(message, Cast):
+    def receive(self, message: Frame | ControllerInfo | WholeRun) -> None:
+        """Process a message."""
+        if isinstance(message, ControllerInfo):
             self._cast = message
         elif isinstance(message, WholeRun):
             self._recording.replace(message.frames)
@@ -214,7 +213,7 @@ class Page:
             self._grip.show(shown)
         self._last = shown
         if shown.forces and not self._seen_forces:  # they act inside the legs
-            self._seen_forces, self._opacity.value = True, GLASS
+            self._seen_forces, self._opacity.value = True, ROBOT_OPACITY
         self._write_panel(now)
 
     def _write_panel(self, now: float) -> None:
@@ -240,7 +239,7 @@ def main(descriptor: int) -> None:
             pipe.send(Ready(port))
             Page(setup, server, pipe).run()
         except (EOFError, OSError):
-            return  # the one who started us has ended
+            return  # the parent process has ended
         except BaseException as error:
             traceback.print_exc()
             pipe.send(Failed(f"{type(error).__name__}: {error}"))

@@ -9,10 +9,10 @@ import numpy as np
 from viser import GuiApi
 
 from wbc.view.live.layers.margins import Pair
-from wbc.view.live.messages import Told
+from wbc.view.live.messages import TickInfo
 from wbc.view.live.shown import Shown
 
-LISTED = 6  # names under a heading
+MOST_LISTED = 6  # names under a heading
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.9em 0.4em;font-variant-numeric:tabular-nums"
 _HEAD = "margin-top:0.5em;font-weight:600;color:#555"
 _NONE = "<span style='color:#999'>none</span>"
@@ -51,7 +51,7 @@ class LivePanel:
                 words = (f"{name}: {by:.3g}" for name, by in worst)
                 parts += [_heading("Gave way"), _names(words)]
         if nearest:
-            parts += [_heading("Nearest pairs (least kept)"), *map(_pair, nearest[:LISTED])]
+            parts += [_heading("Nearest pairs (least kept)"), *map(_pair, nearest[:MOST_LISTED])]
         self._html.content = f"<div style='{_STYLE}'>{''.join(parts)}</div>"
 
 
@@ -66,7 +66,7 @@ def _heading(text: str) -> str:
     return f"<div style='{_HEAD}'>{text}</div>"
 
 
-def _tick(told: Told, budget: float | None) -> str:
+def _tick(told: TickInfo, budget: float | None) -> str:
     solver = "" if told.solve is None else f" (solver {1e3 * told.solve:.2f})"
     text = f"{1e3 * told.seconds:.2f} ms{solver}"
     if budget is None:
@@ -75,14 +75,14 @@ def _tick(told: Told, budget: float | None) -> str:
     return _line("tick", f"<span style='color:{colour}'>{text} of {1e3 * budget:.3g}</span>")
 
 
-def _status(told: Told) -> str:
+def _status(told: TickInfo) -> str:
     if not told.ok:
         return f"<div style='color:{_BAD}'>{escape(told.report)}</div>"
     scaled = f", {100.0 * told.step_scale:.0f} % commanded" if told.step_scale < 1.0 else ""
     return _line("QP", f"solved{scaled}")
 
 
-def _errors(shown: Shown, told: Told) -> str:
+def _errors(shown: Shown, told: TickInfo) -> str:
     units = {}
     if shown.cast is not None:
         units = {task.name: _unit(task.units) for task in shown.cast.tasks}
@@ -101,9 +101,9 @@ def _names(names: Iterable[str] | None) -> str:
     if names is None:
         return "<span style='color:#999'>not recorded</span>"
     names = list(names)
-    lines = [f"<div>{escape(name)}</div>" for name in names[:LISTED]]
-    if len(names) > LISTED:
-        lines.append(f"<div style='color:#999'>and {len(names) - LISTED} more</div>")
+    lines = [f"<div>{escape(name)}</div>" for name in names[:MOST_LISTED]]
+    if len(names) > MOST_LISTED:
+        lines.append(f"<div style='color:#999'>and {len(names) - MOST_LISTED} more</div>")
     return "".join(lines) or _NONE
 
 

@@ -20,8 +20,8 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.files import system_message
 
 HOST, PORT = "127.0.0.1", 8080
-TRIED = 50  # ports from the default on, if none was asked for
-SECONDS = 60.0  # for the page to start: it loads the robot's meshes later
+PORTS_TRIED = 50  # ports from the default on, if none was asked for
+START_TIMEOUT = 60.0  # for the page to start: it loads the robot's meshes later
 
 _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
@@ -30,7 +30,7 @@ _PROGRAM = (
 
 
 class PageAddress(NamedTuple):
-    """Where the page is to be served; another port will do unless it is ``exact``."""
+    """The page's address; another port may be used unless it is ``exact``."""
 
     host: str
     port: int
@@ -49,8 +49,8 @@ class Failed(NamedTuple):
     reason: str
 
 
-def free_place(host: str, port: int | None) -> PageAddress:
-    """Return where a page can be served; the first free port from the default on if None.
+def page_address(host: str, port: int | None) -> PageAddress:
+    """Return an address for a page; with port None the first free one from the default on.
 
     Raises
     ------
@@ -58,21 +58,21 @@ def free_place(host: str, port: int | None) -> PageAddress:
         The port is in use or not allowed, or there is no such host.
     """
     if port is not None:
-        reason = _taken(host, port)
+        reason = _port_error(host, port)
         if reason:
             raise InvalidInputError(f"viewer: cannot serve on {host}:{port}: {reason}")
         return PageAddress(host, port, exact=True)
-    for candidate in range(PORT, PORT + TRIED):
-        reason = _taken(host, candidate)
+    for candidate in range(PORT, PORT + PORTS_TRIED):
+        reason = _port_error(host, candidate)
         if not reason:
             return PageAddress(host, candidate)
     raise InvalidInputError(
-        f"viewer: cannot serve on {host}, ports {PORT} to {PORT + TRIED - 1}: {reason}"
+        f"viewer: cannot serve on {host}, ports {PORT} to {PORT + PORTS_TRIED - 1}: {reason}"
     )
 
 
-def _taken(host: str, port: int) -> str:
-    """Return why nothing can be served there, or nothing."""
+def _port_error(host: str, port: int) -> str:
+    """Return why a port cannot be used; empty if it can."""
     if not 0 < port < 65536:
         return "a port is a number from 1 to 65535"
     try:
@@ -114,7 +114,9 @@ class PageProcess:
         self._pipe = Connection(os.dup(ours.fileno()))
         self.send(place)
         self.send(setup)
-        answer = self._pipe.recv() if self._pipe.poll(SECONDS) else Failed("it did not answer")
+        answer = (
+            self._pipe.recv() if self._pipe.poll(START_TIMEOUT) else Failed("it did not answer")
+        )
         if not isinstance(answer, Ready):
             self.close()
             raise WbcError(f"viewer: the page did not start: {getattr(answer, 'reason', answer)}")
@@ -140,14 +142,14 @@ class PageProcess:
         """
         return self._pipe.recv()
 
-    def hang_up(self) -> None:
-        """End the conversation: the page ends, and whoever waits for it is told."""
+    def disconnect(self) -> None:
+        """Close the connection: the page ends, and :meth:`receive` raises."""
         with suppress(OSError):  # it has hung up before
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """End the page; nobody may be waiting for it."""
-        self.hang_up()
+        """End the page; no thread may be in :meth:`receive`."""
+        self.disconnect()
         self._socket.close()
         self._pipe.close()
         try:

@@ -1,4 +1,4 @@
-"""The frames that the page has seen, for going back in time."""
+"""The frames that the page has received, for going back in time."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from wbc.view.live.messages import Cast, Frame
+from wbc.view.live.messages import ControllerInfo, Frame
 
-MOST = 20_000  # frames: eleven minutes at thirty a second
+MOST_FRAMES = 20_000  # frames: eleven minutes at thirty a second
 
 
 class Recording:
-    """Frames in the order of their times, each with who played then.
+    """Frames in order of time, each with its controller's description.
 
-    When there are too many, every other one of the older half is forgotten.
+    When there are too many, every other one of the older half is dropped.
     """
 
-    def __init__(self, most: int = MOST) -> None:
+    def __init__(self, most: int = MOST_FRAMES) -> None:
         self._most = most
-        self._frames: list[tuple[Frame, Cast | None]] = []
+        self._frames: list[tuple[Frame, ControllerInfo | None]] = []
 
     def __len__(self) -> int:
         return len(self._frames)
 
-    def add(self, frame: Frame, cast: Cast | None) -> None:
-        """Keep a frame; one from before the last begins a new recording, as a restart does."""
+    def add(self, frame: Frame, cast: ControllerInfo | None) -> None:
+        """Add a frame; one earlier than the last starts a new recording, as after a restart."""
         last = _time(self._frames[-1]) if self._frames else -math.inf
         if frame.time < last:
             self._frames = []
@@ -37,7 +37,7 @@ class Recording:
             self._frames = self._frames[:half:2] + self._frames[half:]
 
     def replace(self, frames: Sequence[Frame]) -> None:
-        """Take frames of a whole run; who played then is known from those that were seen."""
+        """Set the frames of a whole run, with the controllers' descriptions received before."""
         known = [self.at(frame.time) for frame in frames]
         self._frames = [
             (frame, None if seen is None else seen[1])
@@ -45,7 +45,7 @@ class Recording:
         ]
 
     @property
-    def latest(self) -> tuple[Frame, Cast | None] | None:
+    def latest(self) -> tuple[Frame, ControllerInfo | None] | None:
         """The newest frame, or None."""
         return self._frames[-1] if self._frames else None
 
@@ -54,12 +54,12 @@ class Recording:
         """Times of the first and the last frame [s]."""
         return (_time(self._frames[0]), _time(self._frames[-1])) if self._frames else (0.0, 0.0)
 
-    def at(self, time: float) -> tuple[Frame, Cast | None] | None:
+    def at(self, time: float) -> tuple[Frame, ControllerInfo | None] | None:
         """Return the last frame that is not later than ``time``, or the first; None if empty."""
         if not self._frames:
             return None
         return self._frames[max(bisect_right(self._frames, time, key=_time) - 1, 0)]
 
 
-def _time(kept: tuple[Frame, Cast | None]) -> float:
+def _time(kept: tuple[Frame, ControllerInfo | None]) -> float:
     return kept[0].time

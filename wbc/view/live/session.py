@@ -1,4 +1,4 @@
-"""A problem that runs for as long as somebody looks at it: paced, paused, steered, begun again."""
+"""An interactive run of a problem in the browser: paced, paused, steered, restarted."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from wbc.robot import Snapshot
 from wbc.run.supervisor import Supervisor
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import Pulled, Request
+from wbc.view.live.messages import PullForce, Request
 from wbc.view.live.viewer import Viewer
 
 if TYPE_CHECKING:
     from wbc.problem.problem import Problem
 
-FOR_EVER = 10**9  # ticks
+ENDLESS = 10**9  # ticks
 WAITING = "the run has ended; Restart begins it again"
 
 
@@ -47,7 +47,7 @@ class Session:
 
     def run(self, ticks: int | None = None) -> None:
         """Run until the page ends, or for so many ticks."""
-        last = FOR_EVER if ticks is None else self.ticks + ticks
+        last = ENDLESS if ticks is None else self.ticks + ticks
         while self.ticks < last and not self._viewer.closed:
             now, remark = self._run_once(last)
             if self.ticks < last and not self.clock.restart:
@@ -76,22 +76,22 @@ class Session:
         return now, f"{complaint}; {WAITING}"
 
     def _supervisor(self) -> Supervisor:
-        """Return what leads through the phases, from the start."""
+        """Return the supervisor of the phases, from the start."""
         return self._problem.executor()
 
     def _loop(self, phases: Supervisor, update: Update) -> Iterator[LoopTick]:
         """Return the ticks of the loop, without end unless the robot cannot go on."""
-        return closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update)
+        return closed_loop(phases.controller, self._problem.parts.start, ENDLESS, update)
 
     def _why_ended(self, now: LoopTick | None) -> str:
         return "" if now is None else now.tick.report()
 
     def _push_now(self) -> Array | None:
-        """Return the force that pushes the robot (3,) [N]; None where nothing can."""
+        """Return the present push force (3,) [N]; None if the robot cannot be pushed."""
         return None
 
-    def _pull_now(self) -> Pulled | None:
-        """Return what the user pulls at; None while nobody does."""
+    def _pull_now(self) -> PullForce | None:
+        """Return the user's present pull; None if there is none."""
         return None
 
     def _show(self, now: LoopTick, remark: str = "") -> None:
@@ -108,7 +108,7 @@ class Session:
         )
 
     def _wait(self, now: LoopTick) -> bool:
-        """Wait until the next tick is due; False if there is to be none."""
+        """Wait until the next tick is due; False if the run ends."""
         viewer, clock = self._viewer, self.clock
         while not viewer.closed:
             changed = self._take_requests()
@@ -130,7 +130,7 @@ class Session:
             self._viewer.wait_for_user()
 
     def _take_requests(self) -> bool:
-        """Do what the user wants; True if there was anything."""
+        """Apply the user's requests; True if there were any."""
         found = self._viewer.has_wishes
         while (request := self._viewer.next_request()) is not None:
             self._receive(request)

@@ -1,4 +1,4 @@
-"""What is known of the frame that is being shown: computed once, drawn by many."""
+"""The shown frame with derived quantities, computed once for all layers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from wbc.reduction import RmpState, reduce
 from wbc.robot import Foot, Robot, Snapshot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
-from wbc.view.live.messages import Cast, Frame
+from wbc.view.live.messages import ControllerInfo, Frame
 from wbc.view.scene import sole_corners
 
-FLAT = 2e-3  # m: a sole whose corners are this near to the ground stands on it
+GROUND_TOLERANCE = 2e-3  # m: of a standing sole's corners
 
 
 class Shown:
@@ -31,7 +31,7 @@ class Shown:
         self,
         robot: Robot,
         frame: Frame,
-        cast: Cast | None,
+        cast: ControllerInfo | None,
         previous: RmpState | None = None,
         terrain: Terrain = LEVEL,
     ) -> None:
@@ -57,7 +57,7 @@ class Shown:
 
     @cached_property
     def known_wrenches(self) -> list[tuple[Array, Array]]:
-        """What the controller was told that acts from outside, with the points it acts at."""
+        """The known external wrenches, with the points where they act."""
         told = {} if self.frame.told is None else self.frame.told.wrenches
         return [(self.snapshot.position(name), wrench) for name, wrench in told.items()]
 
@@ -103,7 +103,7 @@ class Shown:
 
     def _touches(self, foot: Foot) -> bool:
         corners = self.sole(foot)
-        return bool(np.abs((corners - self.on_ground(corners))[:, 2]).max() < FLAT)
+        return bool(np.abs((corners - self.on_ground(corners))[:, 2]).max() < GROUND_TOLERANCE)
 
     def sole(self, foot: Foot) -> Array:
         """Return the corners (k, 3) of a foot's sole."""

@@ -1,4 +1,4 @@
-"""A simulation that runs for as long as somebody looks at it, and pushes the robot."""
+"""An interactive simulation in the browser, with pushes and pulls."""
 
 from __future__ import annotations
 
@@ -17,15 +17,22 @@ from wbc.simulation.push import Push
 from wbc.simulation.trial_record import as_loop_tick
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import PUSH_DURATION, LetGo, Pulled, PullRobot, PushRobot, Request
-from wbc.view.live.session import FOR_EVER, Session
+from wbc.view.live.messages import (
+    PUSH_DURATION,
+    PullForce,
+    PullRobot,
+    PushRobot,
+    ReleasePull,
+    Request,
+)
+from wbc.view.live.session import ENDLESS, Session
 from wbc.view.live.viewer import Viewer
 
 if TYPE_CHECKING:
     from wbc.problem.problem import Problem
 
-STRONGEST = 2.5  # times M omega d in the direction in which that is largest
-JUMP = 0.5  # m/s: what the strongest push gives a robot whose feet catch none
+PUSH_RATIO = 2.5  # times M omega d in the direction in which that is largest
+PUSH_SPEED = 0.5  # m/s: speed from the strongest push of a robot that cannot be caught by its feet
 
 
 class SimulatedSession(Session):
@@ -48,7 +55,7 @@ class SimulatedSession(Session):
 
     def _loop(self, phases: Supervisor, update: Update) -> Iterator[LoopTick]:
         plant, dt = self._plant, self._plant.dt
-        loop = simulate(phases.controller, plant, FOR_EVER * dt, update=update, falls=self._falls)
+        loop = simulate(phases.controller, plant, ENDLESS * dt, update=update, falls=self._falls)
         for now in loop:
             self._verdict = now.verdict.reason
             yield as_loop_tick(now, dt)
@@ -64,10 +71,10 @@ class SimulatedSession(Session):
             point = self._wanted_pull.point
             self._pull = self._plant.push(now.frame, now.force, point, duration=dt)
 
-    def _pull_now(self) -> Pulled | None:
+    def _pull_now(self) -> PullForce | None:
         if self._wanted_pull is None:
             return None
-        return pulled(self._wanted_pull, self._plant.snapshot())
+        return pull_force(self._wanted_pull, self._plant.snapshot())
 
     def _push_now(self) -> Array:
         every = self._plant.push_force
@@ -84,19 +91,21 @@ class SimulatedSession(Session):
                 self._plant.push("base", force, "com", duration=PUSH_DURATION)
             case PullRobot():
                 self._wanted_pull = request
-            case LetGo():
+            case ReleasePull():
                 self._wanted_pull = None
             case _:
                 super()._receive(request)
 
 
-def pulled(wanted: PullRobot, now: Snapshot) -> Pulled:
+def pull_force(wanted: PullRobot, now: Snapshot) -> PullForce:
     """Return the force of a pull's spring, at most the robot's weight."""
     rotation, origin = now.rotation(wanted.frame), now.position(wanted.frame)
     point = origin + rotation @ wanted.point
     force = wanted.stiffness * (wanted.target - point)
     largest, strength = now.robot.weight, float(np.linalg.norm(force))
-    return Pulled(wanted.frame, point, force * (largest / strength if strength > largest else 1.0))
+    return PullForce(
+        wanted.frame, point, force * (largest / strength if strength > largest else 1.0)
+    )
 
 
 def strongest_push(problem: Problem) -> float:
@@ -106,6 +115,6 @@ def strongest_push(problem: Problem) -> float:
     feet = held_feet(parts.contacts)
     ways = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     try:
-        return STRONGEST * max(capture_impulse(start, feet, way) for way in ways)
+        return PUSH_RATIO * max(capture_impulse(start, feet, way) for way in ways)
     except InvalidInputError:  # on no feet, or leaning beyond them, as at the start on a slope
-        return JUMP * parts.robot.mass
+        return PUSH_SPEED * parts.robot.mass

@@ -1,4 +1,4 @@
-"""Sliders for what the tasks want: inertia, CoM, and how much each of them weighs."""
+"""Sliders for the tasks' targets (inertia, CoM) and weights."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from viser import GuiApi
 
 from wbc.spatial import COMPONENTS, DIAGONAL, vech
 from wbc.validate import Array
-from wbc.view.live.messages import Cast, Release, Request, SetTarget, SetWeight, TaskInfo
+from wbc.view.live.messages import ControllerInfo, Release, Request, SetTarget, SetWeight, TaskInfo
 from wbc.view.live.shown import Shown
 
-LEFT_ALONE = 0.6  # s after the user has moved a slider, in which it does not follow the target
+USER_HOLD_TIME = 0.6  # s after the user has moved a slider, until it follows the target again
 FACTORS = (0.5, 2.0)  # of an inertia, relative to that at the first frame
 OFFSET = 0.15  # of the robot's size: how far a slider moves the CoM
-WANTED = 0.5  # order on the page: after the button, before the weights
+TAB_ORDER = 0.5  # order on the page: after the button, before the weights
 DECADES = 2.0  # of a weight's factor, either way
 PRINCIPAL = ("smallest", "middle", "largest")
 
@@ -62,7 +62,7 @@ class Sliders:
             release.on_click(lambda _: self._release())
             self._weights_folder = gui.add_folder("Weights, powers of ten", order=1.0)
 
-    def cast(self, cast: Cast, shown: Shown) -> None:
+    def cast(self, cast: ControllerInfo, shown: Shown) -> None:
         """Make the sliders of tasks that are new, and hide those of tasks that are over."""
         used = {(task.name, task.kind, task.frame, task.rows): task for task in cast.tasks}
         for key, task in used.items():
@@ -84,12 +84,15 @@ class Sliders:
         return made
 
     def show(self, shown: Shown) -> None:
-        """Let sliders follow targets that others move."""
+        """Let sliders follow targets that the program moves."""
         now = time.monotonic()
         self._targets = {name: target[0] for name, target in shown.frame.targets.items()}
         for one in self._followers:
             target = self._targets.get(one.task)
-            if target is None or now - self._touched.get(one.task, -LEFT_ALONE) < LEFT_ALONE:
+            if (
+                target is None
+                or now - self._touched.get(one.task, -USER_HOLD_TIME) < USER_HOLD_TIME
+            ):
                 continue
             value = float(np.clip(one.position(target), one.slider.min, one.slider.max))
             one.slider.value = round(value, 3)
@@ -109,7 +112,7 @@ class Sliders:
             rows = tuple(row for row in task.rows if row[0] == row[1])
             entries = [np.array([COMPONENTS.index(row)]) for row in rows]
         base = self._base.setdefault(task.name, base)
-        folder = self._gui.add_folder(f"Inertia wanted: {task.name}", order=WANTED)
+        folder = self._gui.add_folder(f"Inertia wanted: {task.name}", order=TAB_ORDER)
         with folder:
             for row, chosen in zip(rows, entries, strict=True):
                 self._add_factor(task.name, row, chosen, base)
@@ -129,7 +132,7 @@ class Sliders:
     def _add_com(self, task: TaskInfo, shown: Shown) -> Any:
         base = self._base.setdefault(task.name, shown.snapshot.com.copy())
         reach = 10 * round(100.0 * OFFSET * self._size)
-        folder = self._gui.add_folder(f"CoM wanted: {task.name}", order=WANTED)
+        folder = self._gui.add_folder(f"CoM wanted: {task.name}", order=TAB_ORDER)
         with folder:
             for row in task.rows:
                 self._add_offset(task.name, row, base, reach)

@@ -11,16 +11,16 @@ from wbc.controllers import Controller
 from wbc.errors import WbcError
 from wbc.tasks import PoseTask, Task
 from wbc.validate import Array
-from wbc.view.live.messages import Release, SetTarget, Wish
+from wbc.view.live.messages import Release, SetTarget, TaskRequest
 
 
 class Steering:
-    """What the user wants of the tasks; applied before each tick, over whoever else sets them.
+    """The user's targets and weights, applied before each tick over the program's.
 
     Attributes
     ----------
     refusal:
-        Why the last wish was refused, or nothing.
+        Why the last request was refused, or empty.
     """
 
     def __init__(self) -> None:
@@ -32,11 +32,11 @@ class Steering:
         self._weights = dict[str, tuple[Array, Array]]()
 
     def __bool__(self) -> bool:
-        """Whether anything is steered."""
+        """Whether any task is steered."""
         return bool(self._targets or self._factors)
 
-    def receive(self, request: Wish, controller: Controller) -> None:
-        """Take note of a wish; one that the task refuses is dropped, with :attr:`refusal` set."""
+    def receive(self, request: TaskRequest, controller: Controller) -> None:
+        """Store a request; if the task refuses it, it is dropped and :attr:`refusal` set."""
         self.refusal = ""
         if isinstance(request, Release):
             self._release(controller)
@@ -47,11 +47,11 @@ class Steering:
         self.apply(controller)
 
     def apply(self, controller: Controller) -> None:
-        """Set the targets and weights of the controller's tasks that the user wants otherwise."""
+        """Set the user's targets and weights of the controller's tasks."""
         for name, task in self._steered(controller, self._targets):
             now = _target(task)
             before, put = self._before.get(name, (now, ()))
-            if not _same(now, put):  # somebody else has set it since
+            if not _same(now, put):  # the program has set it since
                 before = now
             try:
                 _set_target(task, self._targets[name])
@@ -74,7 +74,7 @@ class Steering:
             yield from [(task.name, task) for task in controller.tasks if task.name in wanted]
 
     def _release(self, controller: Controller) -> None:
-        """Put back what was there before, unless somebody else has set it since."""
+        """Restore the earlier target or weight, unless the program has set it since."""
         for name, task in self._steered(controller, self._before):
             before, put = self._before[name]
             if _same(_target(task), put):

@@ -21,17 +21,17 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
-from wbc.view.live.collect import cast_of, obstacles_of, targets_of, told_of
-from wbc.view.live.messages import Frame, Pulled, Request, Setup, WholeRun, Wish
-from wbc.view.live.process import HOST, Failed, PageProcess, free_place
+from wbc.view.live.collect import controller_info, obstacles_of, targets_of, tick_info
+from wbc.view.live.messages import Frame, PullForce, Request, Setup, TaskRequest, WholeRun
+from wbc.view.live.process import HOST, Failed, PageProcess, page_address
 from wbc.view.live.steering import Steering
 
 PERIOD = 1.0 / 25.0  # s between frames
 CLOSING = 2.0  # s to wait for the threads
 
 
-class News(NamedTuple):
-    """What the loop leaves for the sender: references only."""
+class Update(NamedTuple):
+    """The loop's latest data for the sender thread: references only."""
 
     time: float
     snapshot: Snapshot
@@ -42,7 +42,7 @@ class News(NamedTuple):
     remark: str
     playing: bool
     push: Array | None
-    pull: Pulled | None
+    pull: PullForce | None
 
 
 class Viewer:
@@ -116,16 +116,16 @@ class Viewer:
         check_robot("Viewer", robot)
         if controller is not None:
             check_parts(robot, controller.tasks, controller.contacts, None, ())
-        place = free_place(host, port)
+        place = page_address(host, port)
         self.robot, self.controller = robot, controller
         self.steering = Steering()
         self.error = ""
         self._may_steer = steer
-        # One place: what nobody has taken is replaced. Storing and taking are single operations of
+        # A single slot, overwritten if it was not read. Storing and taking are atomic operations of
         # the interpreter, so neither thread waits for the other.
-        self._news = deque[News](maxlen=1)
+        self._news = deque[Update](maxlen=1)
         self._put = self._taken = 0
-        self._wishes = deque[Wish]()
+        self._wishes = deque[TaskRequest]()
         self._requests = deque[Request]()
         self._recorded: WholeRun | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
@@ -180,7 +180,7 @@ class Viewer:
         remark: str = "",
         playing: bool = True,
         push: Array | None = None,
-        pull: Pulled | None = None,
+        pull: PullForce | None = None,
     ) -> None:
         """Show a state and what the controller answered; never waits.
 
@@ -203,7 +203,9 @@ class Viewer:
         if time is None:
             time = self._since_first()
         self._news.append(
-            News(time, snapshot, tick, self.controller, seconds, phase, remark, playing, push, pull)
+            Update(
+                time, snapshot, tick, self.controller, seconds, phase, remark, playing, push, pull
+            )
         )
         self._put += 1
 
@@ -221,16 +223,16 @@ class Viewer:
             self.steering.apply(controller)
 
     def next_request(self) -> Request | None:
-        """Return the next thing the user wants of the loop's clock, or None."""
+        """Return the user's next request to the loop, or None."""
         return self._requests.popleft() if self._requests else None
 
     @property
     def has_wishes(self) -> bool:
-        """Whether the user wants something of the tasks that is not yet done."""
+        """Whether there are requests for tasks that are not yet applied."""
         return bool(self._wishes)
 
     def wait_for_user(self, seconds: float = math.inf) -> None:
-        """Wait until the user wants something, the page has ended, or so long."""
+        """Wait for a request, for the page's end, or at most so long."""
         self._asked.wait(seconds if math.isfinite(seconds) else None)
         self._asked.clear()  # before what is wanted is looked at, so that nothing is missed
         if self.closed:
@@ -252,7 +254,7 @@ class Viewer:
         """Close the page."""
         self._closed.set()
         self._asked.set()
-        self._page.hang_up()
+        self._page.disconnect()
         for thread in self._threads:
             thread.join(CLOSING)
         self._page.close()
@@ -265,7 +267,7 @@ class Viewer:
 
     @property
     def dropped(self) -> int:
-        """How many updates were not sent, since a later one was there."""
+        """Number of updates that were not sent because a later one replaced them."""
         return self._put - self._taken - len(self._news)
 
     def _since_first(self) -> float:
@@ -294,19 +296,19 @@ class Viewer:
                     if len(known) != len(parts) or any(
                         a is not b for a, b in zip(known, parts, strict=True)
                     ):
-                        self._page.send(cast_of(controller))
+                        self._page.send(controller_info(controller))
                         known = parts
                 self._page.send(self._frame(news))
             except (OSError, ValueError, pickle.PicklingError) as error:
                 self._ended(f"the page has ended: {error}")
 
-    def _frame(self, news: News) -> Frame:
+    def _frame(self, news: Update) -> Frame:
         controller = news.controller
         return Frame(
             time=news.time,
             q=news.snapshot.q,
             v=news.snapshot.v,
-            told=None if news.tick is None else told_of(news.tick, news.seconds),
+            told=None if news.tick is None else tick_info(news.tick, news.seconds),
             targets={} if controller is None else targets_of(controller),
             obstacles={} if controller is None else obstacles_of(controller),
             phase=news.phase,
@@ -325,7 +327,7 @@ class Viewer:
                 return
             if isinstance(message, Failed):
                 self._ended(message.reason)
-            elif isinstance(message, Wish):
+            elif isinstance(message, TaskRequest):
                 if self._may_steer:
                     self._wishes.append(message)
             else:

@@ -1,4 +1,4 @@
-"""A run that is watched: shown while it runs, and afterwards whole, to be played again."""
+"""A run in the browser without interaction: shown live, and afterwards replayed."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Robot
 from wbc.run.history import History
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.view.live.messages import Frame, Told
+from wbc.view.live.messages import Frame, TickInfo
 from wbc.view.live.viewer import Viewer
 
 RATE = 60.0  # frames for each second of the run
 
 
 class Watching:
-    """Shows a run that nobody may change: it is the same as one that nobody looks at."""
+    """Shows a run without interaction, so that its result is that of an unwatched one."""
 
     def __init__(self, robot: Robot, *, title: str | None = None, terrain: Terrain = LEVEL) -> None:
         self.viewer = Viewer(robot, title=title, steer=False, terrain=terrain)
@@ -27,7 +27,7 @@ class Watching:
         self.viewer.update(now.snapshot, now.tick, now.time, seconds=now.seconds)
 
     def replay(self, history: History) -> None:
-        """Hand over the whole run, of which only a part was sent while it ran."""
+        """Send the whole run, of which only a part was sent while it ran."""
         self.viewer.replay(frames_of(history))
 
 
@@ -40,7 +40,7 @@ def frames_of(history: History, rate: float = RATE) -> list[Frame]:
 
 def _frame(history: History, k: int) -> Frame:
     errors = {name: each[k] for name, each in history.errors.items()}
-    told = Told(
+    told = TickInfo(
         ok=history.status[k] == "solved",
         report=str(history.status[k]),
         seconds=float(history.tick_time[k]),

@@ -16,9 +16,9 @@ from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import palette, style
-from wbc.view.history import DrawnRun
+from wbc.view.history import DrawableRun
 from wbc.view.pendulum_plots import SOLID
-from wbc.view.simplify import within
+from wbc.view.simplify import limit_triangles
 from wbc.view.solids import board_surfaces, solid_surface
 
 TRIANGLES = 40_000  # of the robot
@@ -42,11 +42,11 @@ def replay_rows(time: Array) -> list[int]:
     return np.unique(np.searchsorted(time, wanted - 1e-9).clip(0, len(time) - 1)).tolist()
 
 
-def replay_data(run: DrawnRun, rows: Sequence[int]) -> dict[str, Any]:
+def replay_data(run: DrawableRun, rows: Sequence[int]) -> dict[str, Any]:
     """Return plain data: arrays as base64 text of little-endian numbers."""
     robot = run.robot
     shapes = RobotMeshes(robot).in_joint_frames
-    meshes = within([mesh for _, mesh in shapes], TRIANGLES)
+    meshes = limit_triangles([mesh for _, mesh in shapes], TRIANGLES)
     places, com, axes, sizes, stands, grounded = [], [], [], [], [], []
     for row in rows:
         snapshot = robot.snapshot(run.q[row])
@@ -124,7 +124,7 @@ def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, 
     }
 
 
-def _soles(run: DrawnRun) -> list[dict[str, Any]]:
+def _soles(run: DrawableRun) -> list[dict[str, Any]]:
     """Return the corners of the soles in the frames of the joints that carry them."""
     robot, soles = run.robot, []
     for foot in robot.feet.values():
@@ -135,7 +135,7 @@ def _soles(run: DrawnRun) -> list[dict[str, Any]]:
     return soles
 
 
-def _obstacle(run: DrawnRun, name: str) -> Triangles:
+def _obstacle(run: DrawableRun, name: str) -> Triangles:
     track = run.obstacles[name]
     there = np.flatnonzero(np.isfinite(track.place).all(axis=(1, 2)))
     place = track.place[there[0]] if len(there) else np.eye(3, 4)

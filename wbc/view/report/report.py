@@ -23,7 +23,7 @@ from wbc.view import style
 from wbc.view.history import HistoryLike, read_history
 from wbc.view.pendulum_plots import plots_of
 from wbc.view.report.replay import pendulum_replay, replay_data, replay_rows
-from wbc.view.run import reasons
+from wbc.view.run import explanation_plots
 from wbc.view.series import plot_errors, plot_moments
 from wbc.view.simulation import simulation_plots
 
@@ -86,7 +86,10 @@ def report_text(
     """Return the page that :func:`write_report` writes."""
     run = read_history(robot, history, terrain)
     data = replay_data(run, replay_rows(run.time))
-    draws: list[Draw] = [lambda axes: plot_moments(axes, run.time, run.moments), *reasons(run)]
+    draws: list[Draw] = [
+        lambda axes: plot_moments(axes, run.time, run.moments),
+        *explanation_plots(run),
+    ]
     if run.errors:
         draws.insert(0, lambda axes: plot_errors(axes, run.time, run.errors))
     if simulation is not None:

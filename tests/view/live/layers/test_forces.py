@@ -5,10 +5,10 @@ import pytest
 
 import wbc
 from tests.view.live.conftest import Stage, frame_at
-from wbc.view.live.collect import cast_of
-from wbc.view.live.layers.forces import REACH, where_it_acts
+from wbc.view.live.collect import controller_info
+from wbc.view.live.layers.forces import REACH, point_of_action
 from wbc.view.live.layers.layer import GREEN, VERMILION
-from wbc.view.live.messages import Cast
+from wbc.view.live.messages import ControllerInfo
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def test_arrows_carry_the_weight_from_inside_the_soles(
 ) -> None:
     robot = standing.robot
     q = robot.posture("standing")
-    stage.draw(cast_of(standing), frame_at(standing, q, 0.0))
+    stage.draw(controller_info(standing), frame_at(standing, q, 0.0))
     arrows = stage.handle("/contact_forces/arrows")
     assert arrows.visible
     ways = arrows.points[:, 1] - arrows.points[:, 0]
@@ -48,7 +48,7 @@ def test_the_cop_drawn_is_that_of_the_tick(stage: Stage, standing: wbc.TorqueCon
     robot = standing.robot
     q = robot.posture("standing")
     tick = standing.step(robot.snapshot(q))
-    stage.draw(cast_of(standing), frame_at(standing, q, 0.0))
+    stage.draw(controller_info(standing), frame_at(standing, q, 0.0))
     assert tick.cop is not None
     np.testing.assert_allclose(stage.handle("/leg_cop_cmp/cop").position, tick.cop, atol=1e-6)
     assert stage.handle("/leg_cop_cmp/cmp").visible
@@ -58,7 +58,7 @@ def test_a_force_at_the_edge_of_its_cone_is_red(
     stage: Stage, standing: wbc.TorqueController
 ) -> None:
     robot = standing.robot
-    cast: Cast = cast_of(standing)
+    cast: ControllerInfo = controller_info(standing)
     frame = frame_at(standing, robot.posture("standing"), 0.0)
     left, right = (foot.frame for foot in robot.feet.values())
     mu = 0.6 * np.cos(np.pi / 4.0)  # of the pyramid inside the cone
@@ -76,7 +76,7 @@ def test_the_kinematic_level_has_no_forces(stage: Stage, robot: wbc.Robot) -> No
     controller = wbc.KinematicController(
         robot, [wbc.ComTask(robot, start.com)], contacts=wbc.support(start, "double")
     )
-    stage.draw(cast_of(controller), frame_at(controller, start.q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, start.q, 0.0))
     assert not stage.handle("/contact_forces/arrows").visible
 
 
@@ -87,7 +87,7 @@ def test_a_wrench_has_no_tilting_moment_about_where_it_acts(seed: int) -> None:
     rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     rotation *= np.linalg.det(rotation)
     wrench[:3] = rotation @ [*rng.normal(size=2), 5.0]
-    point = where_it_acts(place, wrench, rotation)
+    point = point_of_action(place, wrench, rotation)
     moment = rotation.T @ (wrench[3:] + np.cross(place - point, wrench[:3]))
     np.testing.assert_allclose(moment[:2], 0.0, atol=1e-12)
     assert abs(rotation[:, 2] @ (point - place)) < 1e-12

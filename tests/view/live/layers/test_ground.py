@@ -11,7 +11,7 @@ from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.rotations import rotation_from
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.live.collect import cast_of
+from wbc.view.live.collect import controller_info
 from wbc.view.live.layers.layer import ORANGE, WORLD
 from wbc.view.live.messages import Frame
 
@@ -53,7 +53,7 @@ def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> 
     controller = wbc.KinematicController(
         robot, [wbc.ComTask(robot, standing.com)], contacts=wbc.support(standing, "double")
     )
-    hill.draw(cast_of(controller), frame_at(controller, start, 0.0))
+    hill.draw(controller_info(controller), frame_at(controller, start, 0.0))
     polygon = hill.handle("/soles_and_support/polygon").points.reshape(-1, 3)
     mark = hill.handle("/com/projection").position
     plumb = hill.handle("/com/plumb").points[0]

@@ -7,7 +7,7 @@ import wbc
 from tests.view.live.conftest import Stage, frame_at
 from wbc.constraints.margin import SKIN
 from wbc.rotations import exp_rotation
-from wbc.view.live.collect import cast_of
+from wbc.view.live.collect import controller_info
 from wbc.view.live.layers.layer import surface_of
 
 
@@ -37,7 +37,7 @@ def test_distances_and_margins_are_those_of_the_constraints(
     rng = np.random.default_rng(1)
     step = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)])
     q = robot.integrate(robot.posture("standing"), step, 1.0)
-    stage.draw(cast_of(careful), frame_at(careful, q, 0.0))
+    stage.draw(controller_info(careful), frame_at(careful, q, 0.0))
     listed = {pair.label: pair for pair in stage.page._margins.nearest}
     assert len(listed) == 12
     snapshot = robot.snapshot(q)
@@ -63,7 +63,7 @@ def test_an_obstacle_moves_with_its_frame(
     stage: Stage, careful: wbc.KinematicController, ball: wbc.Obstacle
 ) -> None:
     q = careful.robot.posture("standing")
-    stage.draw(cast_of(careful), frame_at(careful, q, 0.0))
+    stage.draw(controller_info(careful), frame_at(careful, q, 0.0))
     node = stage.handle("/obstacles/ball")
     np.testing.assert_allclose(node.position, ball.origin, atol=1e-9)
     ball.move(np.eye(3), [0.5, 0.1, 0.2])

@@ -7,7 +7,7 @@ import wbc
 from tests.view.live.conftest import Stage, client_of, drag, frame_at
 from wbc.rmp.ellipsoid import equimomental
 from wbc.rotations import exp_rotation, rotation_from
-from wbc.view.live.collect import cast_of
+from wbc.view.live.collect import controller_info
 from wbc.view.live.messages import SetTarget
 
 TURN = exp_rotation(np.array([0.3, -0.2, 0.1]))
@@ -44,7 +44,7 @@ def test_ghosts_are_at_the_targets(
     robot = controller.robot
     q = robot.posture("standing")
     start = robot.snapshot(q)
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     left, right = (stage.handle(f"/targets/{hand}") for hand in hands)
     np.testing.assert_allclose(left.position, start.position(hands[0]) + 0.1, atol=1e-9)
     np.testing.assert_allclose(right.position, start.position(hands[1]) - 0.1, atol=1e-9)
@@ -63,7 +63,7 @@ def test_ghosts_are_at_the_targets(
 def test_an_inertia_that_no_body_has_is_not_drawn(stage: Stage, robot: wbc.Robot) -> None:
     task = wbc.InertiaTask(robot, np.diag([1.0, 1.0, 9.0]))
     controller = wbc.KinematicController(robot, [task])
-    stage.draw(cast_of(controller), frame_at(controller, robot.posture("standing"), 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, robot.posture("standing"), 0.0))
     assert not stage.handle("/targets/ellipsoid inertia").visible
 
 
@@ -76,7 +76,7 @@ def test_dragging_asks_for_targets(
     monkeypatch.setattr("wbc.view.live.layers.targets.HELD", 1e3)  # a busy machine takes seconds
     robot = controller.robot
     q = robot.posture("standing")
-    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
     # The view follows a robot far away, and handles are told in the world's axes all the same.
     far = q + 3.0 * np.eye(robot.nq)[0]
     stage.draw(frame_at(controller, far, 0.01))

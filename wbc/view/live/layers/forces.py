@@ -12,13 +12,13 @@ from wbc.robot import Robot
 from wbc.robot.geometry import cone
 from wbc.validate import Array
 from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Layer, wxyz
-from wbc.view.live.messages import Cast
+from wbc.view.live.messages import ControllerInfo
 from wbc.view.live.shown import Shown
 
 REACH = 0.5  # of the robot's size: the arrow of a force as large as the robot's weight
 CONE = 0.15  # of the robot's size: height of a cone
 FLIP = np.diag([1.0, -1.0, -1.0])  # a half-turn: cones are made with the apex on top
-UNUSED = 0.02  # part of the cone below which what is left counts as nothing
+CONE_TOLERANCE = 0.02  # part of the cone below which what is left counts as nothing
 LEAST = 1e-3  # of the weight: smaller forces are not drawn
 
 
@@ -34,7 +34,7 @@ class ForcesLayer(Layer):
         self._cones = dict[str, Any]()
         self._friction = dict[str, FrictionCone]()
 
-    def cast(self, cast: Cast) -> None:
+    def cast(self, cast: ControllerInfo) -> None:
         """Make the cones of the contacts."""
         for node in self._cones.values():
             node.remove()
@@ -76,7 +76,7 @@ class ForcesLayer(Layer):
         colours = [BLUE] * len(known)
         for name, place, wrench in acting:
             rotation = shown.snapshot.rotation(name)
-            start = where_it_acts(place, wrench, rotation)
+            start = point_of_action(place, wrench, rotation)
             starts.append(start)
             ends.append(start + REACH * self.size / self._weight * wrench[:3])
             colours.append(VERMILION if self._at_edge(name, rotation.T @ wrench[:3]) else GREEN)
@@ -92,10 +92,10 @@ class ForcesLayer(Layer):
         if friction is None:
             return False
         least_left = -float((friction.matrix() @ force).max())
-        return least_left < UNUSED * friction.coefficient * float(force[2])
+        return least_left < CONE_TOLERANCE * friction.coefficient * float(force[2])
 
 
-def where_it_acts(place: Array, wrench: Array, rotation: Array) -> Array:
+def point_of_action(place: Array, wrench: Array, rotation: Array) -> Array:
     """Return where in the plane of a contact at ``place`` (3,) its wrench (6,) acts: its own CoP.
 
     The frame's origin where nothing presses.

@@ -13,7 +13,7 @@ from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, c
 from wbc.view.live.shown import Shown
 from wbc.view.solids import board_surfaces
 
-LIFTED = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
+GROUND_OFFSET = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
 
 
 class GroundLayer(Layer):
@@ -76,14 +76,14 @@ class SupportLayer(Layer):
         standing = {foot.name for foot in shown.standing}
         for foot in shown.robot.feet.values():
             lines = self._soles[foot.name]
-            corners = shown.sole(foot) + LIFTED
+            corners = shown.sole(foot) + GROUND_OFFSET
             lines.points = closed(corners).astype(np.float32)
             colour = ORANGE if foot.name in standing else GREY
             lines.colors = np.array(colour, dtype=np.uint8)
         polygon = shown.polygon
         self._polygon.visible = polygon is not None
         if polygon is not None:
-            corners = shown.on_ground(polygon) + LIFTED
+            corners = shown.on_ground(polygon) + GROUND_OFFSET
             self._polygon.points = closed(corners).astype(np.float32)
 
 
@@ -110,7 +110,7 @@ class ComLayer(Layer):
     def show(self, shown: Shown) -> None:
         """Move the CoM and its marks on the ground."""
         com = shown.snapshot.com
-        below = shown.on_ground(com) + LIFTED
+        below = shown.on_ground(com) + GROUND_OFFSET
         self._ball.position = com
         self._foot.visible = self._plumb.visible = shown.has_ground
         self._foot.position = below

@@ -14,7 +14,7 @@ from wbc.robot.geometry import rounded_cylinder
 from wbc.rotations import quaternion_from, rotation_from
 from wbc.validate import Array
 from wbc.view import palette
-from wbc.view.live.messages import Cast
+from wbc.view.live.messages import ControllerInfo
 from wbc.view.live.shown import Shown
 from wbc.view.solids import solid_surface
 
@@ -51,7 +51,7 @@ class Layer(ABC):
         self.path = f"{WORLD}/" + self.label.lower().replace(" ", "_")
         self.root = scene.add_frame(self.path, show_axes=False, visible=self.begins_visible)
 
-    def cast(self, cast: Cast) -> None:  # noqa: B027 - most layers do not care
+    def cast(self, cast: ControllerInfo) -> None:  # noqa: B027 - most layers do not care
         """Take note of another controller, or other contacts."""
 
     def lines(self, name: str, colour: Colour, thickness: float, visible: bool = True) -> Any:

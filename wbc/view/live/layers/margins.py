@@ -11,7 +11,7 @@ from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, HalfSpace
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, surface_of, wxyz
-from wbc.view.live.messages import Cast, PairsInfo
+from wbc.view.live.messages import ControllerInfo, PairsInfo
 from wbc.view.live.shown import Shown
 
 NEAREST = 6  # pairs listed for each constraint
@@ -82,7 +82,7 @@ class MarginsLayer(Layer):
         self.nearest: list[Pair] = []
         self._lines = self.lines("lines", GREEN, thickness=0.008, visible=False)
 
-    def cast(self, cast: Cast) -> None:
+    def cast(self, cast: ControllerInfo) -> None:
         """Take over the pairs that are kept apart."""
         self._watched = [Watched(self._robot, info) for info in cast.pairs]
         self.nearest = []
@@ -108,7 +108,7 @@ class ObstaclesLayer(Layer):
         super().__init__(scene, size)
         self._nodes = dict[str, Any]()
 
-    def cast(self, cast: Cast) -> None:
+    def cast(self, cast: ControllerInfo) -> None:
         """Make the obstacles of the constraints."""
         for node in self._nodes.values():
             node.remove()

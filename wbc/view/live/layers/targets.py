@@ -17,7 +17,7 @@ from wbc.spatial import COMPONENTS, vech, vech_inverse
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREEN, Layer, wxyz
 from wbc.view.live.layers.pendulum import THINNEST, sections
-from wbc.view.live.messages import Cast, SetTarget, TaskInfo
+from wbc.view.live.messages import ControllerInfo, SetTarget, TaskInfo
 from wbc.view.live.shown import Shown
 
 HANDLE = 0.16  # of the robot's size
@@ -55,7 +55,7 @@ class Place:
             R = targets[self.rotation.name][-1]
         return p, R
 
-    def wishes(self, position: Array, rotation: Array) -> Iterator[SetTarget]:
+    def task_requests(self, position: Array, rotation: Array) -> Iterator[SetTarget]:
         """Yield the targets that a pose means."""
         if self.position is not None and self.position is self.rotation:
             yield SetTarget(self.position.name, (position, rotation))
@@ -66,7 +66,7 @@ class Place:
             yield SetTarget(self.rotation.name, (rotation,))
 
 
-def places_of(cast: Cast) -> list[Place]:
+def places_of(cast: ControllerInfo) -> list[Place]:
     """Return the places that the tasks want something of."""
     found = dict[str, Place]()
     for task in cast.tasks:
@@ -95,7 +95,7 @@ class TargetsLayer(Layer):
         self._lines = self.lines("lines", GREEN, thickness=0.004, visible=False)
         self._arrows = self.arrows("axes", GREEN, shaft=0.005, head=0.012, length=0.03)
 
-    def cast(self, cast: Cast) -> None:
+    def cast(self, cast: ControllerInfo) -> None:
         """Make a ghost for each target."""
         for _, node in (*self._places, *self._shapes):
             node.remove()
@@ -208,7 +208,7 @@ class HandlesLayer(Layer):
         self._handles: list[tuple[Place, Any]] = []
         self._touched = dict[str, float]()
 
-    def cast(self, cast: Cast) -> None:
+    def cast(self, cast: ControllerInfo) -> None:
         """Make a handle for each target that can be dragged."""
         for _, handle in self._handles:
             handle.remove()
@@ -233,7 +233,7 @@ class HandlesLayer(Layer):
         async def dragged(event: Any) -> None:  # async: in the order in which it happened
             self._touched[place.frame] = time.monotonic()
             rotation = np.asarray(SO3(np.asarray(event.target.wxyz)).as_matrix())
-            for wish in place.wishes(np.asarray(event.target.position).copy(), rotation):
+            for wish in place.task_requests(np.asarray(event.target.position).copy(), rotation):
                 self._drag(wish)
 
         handle.on_update(dragged)
