@@ -15,7 +15,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_kind
 from wbc.polygon import polygon_margin
-from wbc.rmp.axes import GAP, SAME_AXIS, Bools, follow, told_apart, turning_rate
+from wbc.rmp.axes import GAP, SAME_AXIS, Bools, are_distinct, follow, turning_rate
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental, equimomental_at_density
 from wbc.rmp.ground import (
     Wrench,
@@ -227,7 +227,7 @@ def _reaction_masses(
 ) -> tuple[Array, Array, Bools]:
     """Return radii (3,), axes (3, 3) and which of them are defined (3,)."""
     squares = ellipsoid.semi_axes**2
-    known = told_apart(squares, gap)
+    known = are_distinct(squares, gap)
     if previous is None:
         return np.sqrt(0.6 * squares), ellipsoid.axes, known
     axes = follow(ellipsoid.axes, squares, previous.axes, gap)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.axes import follow, told_apart, track, turning_rate
+from wbc.rmp.axes import are_distinct, follow, track, turning_rate
 
 Array = NDArray[np.float64]
 
@@ -92,9 +92,9 @@ def test_equal_moments_have_no_axes() -> None:
     assert not found.defined.any()
     np.testing.assert_allclose(found.second_moments, 1.0, rtol=1e-15)
     np.testing.assert_array_equal(found.axes[1:], found.axes[:-1])
-    assert told_apart(np.array([3.0, 1.0, 1.0])).tolist() == [True, False, False]
-    assert told_apart(np.array([3.0, 2.9999, 1.0])).tolist() == [False, False, True]
-    assert told_apart(np.zeros(3)).tolist() == [False, False, False]
+    assert are_distinct(np.array([3.0, 1.0, 1.0])).tolist() == [True, False, False]
+    assert are_distinct(np.array([3.0, 2.9999, 1.0])).tolist() == [False, False, True]
+    assert are_distinct(np.zeros(3)).tolist() == [False, False, False]
 
 
 def test_a_disc_that_tumbles_for_long_keeps_square_axes() -> None:

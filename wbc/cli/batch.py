@@ -26,7 +26,7 @@ BATCH_EXIT_CODES = (
     " Ctrl-C or SIGTERM. The same"
     " command then goes on where it ended, also after a kill."
 )
-PARTIAL = ".partial"  # after the output's name: what is kept until the campaign is done
+PARTIAL = ".partial"  # suffix of the journal, until the campaign is done
 SHOWN = 5  # runs without result that are named
 
 
@@ -63,7 +63,7 @@ def batch(
     output = _checked(output or path.with_suffix(".parquet"))
     campaign = load_campaign(path)
     if check:
-        typer.echo(f"{path}: valid: {_told(campaign)}")
+        typer.echo(f"{path}: valid: {_summary_line(campaign)}")
         return
     made_of = {**campaign.inputs(), "versions": made_with()}
     if _is_done(output, made_of):
@@ -102,7 +102,7 @@ def _checked(output: Path) -> Path:
 
 
 def _is_done(output: Path, made_of: dict[str, Any]) -> bool:
-    """Return whether the output has this campaign already; one of another is not overwritten."""
+    """Return whether the output has this campaign's results; raise if it has another's."""
     import json
 
     from wbc.batch import read_rows
@@ -125,7 +125,7 @@ def _is_done(output: Path, made_of: dict[str, Any]) -> bool:
 def _run(
     campaign: Campaign, journal: Journal, workers: int, cluster: str | None, quiet: bool
 ) -> tuple[list[dict[str, Any]], Interrupts]:
-    """Do the runs that are left, until the end or a signal."""
+    """Do the remaining runs, until the end or a signal."""
     from wbc.batch import run_batch
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
@@ -149,7 +149,7 @@ def _run(
     return rows, interrupts
 
 
-def _told(campaign: Campaign) -> str:
+def _summary_line(campaign: Campaign) -> str:
     spec = campaign.spec
     seeds = spec.seeds if isinstance(spec.seeds, int) else len(spec.seeds or ())
     counts = {"problem": len(campaign.texts), "case": len(spec.cases or ())}
@@ -165,7 +165,7 @@ def _print_table(
     """Print how many runs ended how, by problem and case, and those without result."""
     from wbc.batch.row import DIED, ERROR
 
-    typer.echo(f"{len(rows)} of {_told(campaign)}")
+    typer.echo(f"{len(rows)} of {_summary_line(campaign)}")
     for name in campaign.texts:
         for case in campaign.spec.cases or (None,):
             ended = Counter(

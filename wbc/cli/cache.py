@@ -1,4 +1,4 @@
-"""``wbc cache``: what is kept on disk so that it need not be worked out again."""
+"""``wbc cache``: the cached collision shapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wbc doctor``: what runs on this machine, and why."""
+"""``wbc doctor``: installed packages, and a check of the compiled core."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def doctor() -> None:
 
 
 def core_lines() -> list[str]:
-    """Return where the compiled core is, and how far it is from Pinocchio on a robot.
+    """Return the compiled core's path, and its difference from Pinocchio on a robot.
 
     Raises
     ------

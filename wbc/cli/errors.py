@@ -1,4 +1,4 @@
-"""Exit codes; the package's own errors and notes as one line each, and what typer refuses."""
+"""Exit codes, and printing errors and notes on one line each, typer's included."""
 
 from __future__ import annotations
 
@@ -23,16 +23,13 @@ BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED, TERMINATED = 1, 3, 4, 130, 143
 
 @contextmanager
 def errors_in_one_line() -> Iterator[None]:
-    """Turn the package's own errors, and what the system refuses, into a message and an exit code.
-
-    Others are bugs.
-    """
+    """Turn the package's and the system's errors into a message and an exit code."""
     try:
         yield
     except WbcError as error:
         complain(str(error))
         raise typer.Exit(BAD_INPUT) from None
-    except BrokenPipeError:  # who reads what is printed has enough: typer ends quietly
+    except BrokenPipeError:  # the reader of stdout has ended: typer exits quietly
         raise
     except OSError as error:  # a full disk, a read-only folder, a missing one
         complain(refused(error))
@@ -43,7 +40,7 @@ def errors_in_one_line() -> Iterator[None]:
 
 
 def refused(error: OSError) -> str:
-    """Return what the system refused, in words: a file where it names one, else what is printed."""
+    """Return a system error in words, with its file, or standard output if it names none."""
     from wbc.files import system_message
 
     return f"{error.filename or 'the system refuses'}: {system_message(error)}"
@@ -62,7 +59,7 @@ def print_note(text: str) -> None:
 
 
 def print_notes(robot: Robot) -> None:
-    """Print to stderr what was tolerated while a robot was loaded, and the limits that it lacks."""
+    """Print to stderr a robot's notes from loading, and its missing limits."""
     missing = missing_limits(robot)
     lacks = (f"joints without a limit: {missing}",) if missing else ()
     for note in (*robot.notes, *lacks):
@@ -70,7 +67,7 @@ def print_notes(robot: Robot) -> None:
 
 
 def missing_limits(robot: Robot) -> str:
-    """Return which limits the robot's files do not give, by kind; empty if they give all."""
+    """Return which limits are missing in the robot's files, by kind; empty if none."""
     joints: dict[str, list[str]] = {}
     for entry in robot.limits.missing:  # such as "left_knee: velocity"
         name, _, kind = entry.rpartition(": ")
@@ -86,7 +83,7 @@ def missing_limits(robot: Robot) -> str:
 
 
 class Commands(TyperGroup):
-    """Commands whose refusals say what to write where that can be known."""
+    """Commands whose usage errors suggest what to write."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command of the line; the package's own errors become a message each.
@@ -105,7 +102,7 @@ class Commands(TyperGroup):
                 raise
 
     def _hint(self, error: Any) -> str:
-        """Return what to write in place of what is refused; empty where nobody knows."""
+        """Return a suggestion for a usage error; empty if there is none."""
         command, said, group = error.ctx.command, error.message, error.ctx.parent
         if command is self and (found := re.fullmatch(r"No such command '(.*)'\.", said)):
             word = found[1]

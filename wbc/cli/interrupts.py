@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a run after the tick at hand, so that what was computed is kept."""
+"""Ctrl-C and SIGTERM end a run after the current tick, so that its results are kept."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from wbc.cli.errors import INTERRUPTED
 
 
 class Interrupts:
-    """Which signal came, if one did; a second Ctrl-C is an ordinary ``KeyboardInterrupt``."""
+    """The signal received, if any; a second Ctrl-C is an ordinary ``KeyboardInterrupt``."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
 
     def __call__(self) -> bool:
-        """Return whether the run is to end: what a run asks after every tick."""
+        """Return whether the run should end; called after every tick."""
         return self.signal is not None
 
     @property
     def exit_code(self) -> int:
-        """As a shell has it: 128 and the signal's number."""
+        """The shell's convention: 128 plus the signal's number."""
         return INTERRUPTED if self.signal in (None, signal.SIGINT) else 128 + self.signal
 
     def note(self, number: int, _: object) -> None:
-        """Take note of a signal."""
+        """Record a signal."""
         if self.signal is not None and number == signal.SIGINT:
             raise KeyboardInterrupt
         self.signal = number
         if number != signal.SIGINT and signal.getsignal(signal.SIGINT) != self.note:
-            signal.raise_signal(signal.SIGINT)  # a search over postures has its own ear for Ctrl-C
+            signal.raise_signal(signal.SIGINT)  # a search over postures handles Ctrl-C itself
 
 
 @contextmanager
 def noted_interrupts(*, hangup: bool = False) -> Iterator[Interrupts]:
-    """Note Ctrl-C and SIGTERM instead of obeying them at once; with ``hangup`` SIGHUP, too.
+    """Record Ctrl-C and SIGTERM instead of ending at once; with ``hangup`` SIGHUP, too.
 
-    That is what a terminal sends that is gone; where nohup ignores it it stays ignored.
+    SIGHUP is sent by a closed terminal; if nohup ignores it, it stays ignored.
 
-    Only the main thread can be told of signals; elsewhere they are left to it.
+    Only the main thread receives signals; elsewhere nothing is changed.
     """
     noted = Interrupts()
     if threading.current_thread() is not threading.main_thread():

@@ -1,4 +1,4 @@
-"""Options that several commands have, what the shell offers for them, and what words stand for."""
+"""Options shared by several commands, with shell completion and their conversion."""
 
 from __future__ import annotations
 
@@ -116,14 +116,14 @@ Show = Annotated[
 
 
 def name_of(path: Path) -> str:
-    """Return what titles and files call a problem."""
+    """Return a problem's name for titles and files."""
     from wbc.files import as_text
 
     return "stdin" if str(path) == "-" else as_text(path.stem)
 
 
 def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:
-    """Return what ``--set`` and ``--solver`` replace, by key path."""
+    """Return the overrides of ``--set`` and ``--solver``, by key path."""
     from wbc.problem import parse_override
 
     overrides = dict(parse_override(assignment) for assignment in assignments or [])

@@ -1,4 +1,4 @@
-"""The files that a command writes: checked before the work, so that no finished work is lost."""
+"""The output files of a command, checked before the work so that no results are lost."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from wbc.run.saving import result_format
 
 @dataclass
 class Outputs:
-    """What has been written and, in words, what could not be."""
+    """The files written and, in words, the failures."""
 
     written: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
 
     def save(self, path: Path, save: Callable[[Path], object]) -> None:
-        """Write a result by ``save(path)``; where the system refuses, into a temporary folder."""
+        """Write a result by ``save(path)``; if that fails, into a temporary folder."""
         try:
             save(path)
             self.written.append(path)
@@ -41,7 +41,7 @@ class Outputs:
             self.written.append(path)
 
     def try_to(self, what: str, act: Callable[[], object]) -> bool:
-        """Do it and return True, or note a failure of ``what``."""
+        """Call ``act`` and return True, or record a failure of ``what``."""
         try:
             act()
         except WbcError as error:
@@ -53,14 +53,14 @@ class Outputs:
         return False
 
     def exit_code(self, code: int = 0) -> int:
-        """Print what could not be written, and return the exit code: ``code`` if all was."""
+        """Print the failures, and return the exit code: ``code`` if there are none."""
         for failure in self.failures:
             complain(failure)
         return BAD_INPUT if self.failures else code
 
 
 def _saved_elsewhere(path: Path, save: Callable[[Path], object]) -> str:
-    """Write a result into a temporary folder, and return where it is, in words."""
+    """Write a result into a temporary folder, and return its place, in words."""
     folder = None
     try:
         folder = Path(tempfile.mkdtemp(prefix="wbc-"))
@@ -83,7 +83,7 @@ def write_one(path: Path, save: Callable[[Path], object], quiet: bool) -> int:
 
 
 def check_outputs(output: list[Path], plot: Path | None) -> None:
-    """Raise for files that could not be written or drawn, before any work is done."""
+    """Raise if outputs cannot be written or drawn, before any work is done."""
     for each in output:
         result_format(each)
         check_place("--output", each)

@@ -1,4 +1,4 @@
-"""What ``wbc run`` prints when it is done: a status, a few short tables."""
+"""The output of ``wbc run``: a status and a few short tables."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STOPPED = {
 
 
 def print_result(result: Result, written: Iterable[Path]) -> None:
-    """Print how a run ended, how far each task is from its target, and the worst of the rest."""
+    """Print a run's status, each task's error, and the worst margins and times."""
     console = Console(highlight=False)
     time = result.history.time
     seconds = len(time) * float(time[1] - time[0]) if time.size > 1 else 0.0
@@ -51,7 +51,7 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
 
 
 def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
-    """Print how a pendulum's problem ended, and what was measured."""
+    """Print the status of a pendulum's problem, and its measures."""
     console = Console(highlight=False)
     console.print(head(result.status, result.reason))
     table = heads("measured", "")
@@ -62,7 +62,7 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
 
 
 def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> Text:
-    """Return the line that says how something ended."""
+    """Return the line of a status."""
     colour = "green" if status.good else "red"
     head = Text(status.value.replace("_", " "), style=f"bold {colour}")
     return head.append(f": {reason}", style="not bold default")
@@ -75,7 +75,7 @@ def print_written(console: Console, written: Iterable[Path], width: int = 15) ->
 
 
 def tasks_table(result: Result) -> Table:
-    """Return a table of how far each task is from its target."""
+    """Return a table of the tasks' errors."""
     accepts = any(task.tolerance is not None for task in result.tasks.values())
     table = heads("task", "error", "largest entry", *(["tolerance"] if accepts else []))
     for name, task in result.tasks.items():
@@ -196,7 +196,7 @@ def postures_table(report: ShapingReport) -> Table:
 
 
 def search_rows(report: ShapingReport) -> Iterator[tuple[str, str]]:
-    """Yield what the search took, what it rejected, and how near to its best the motion ends."""
+    """Yield the search's effort, its rejections, and the motion's final cost over the best."""
     effort = report.effort
     processes = f"{effort.workers} process{'es' if effort.workers > 1 else ''}"
     seconds = effort.build_seconds + effort.search_seconds
@@ -222,10 +222,10 @@ def _above(part: float) -> str:
 
 
 class WholeWords(Table):
-    """A table that breaks lines between words: in columns no narrower than their longest one.
+    """A table that wraps lines between words: columns are no narrower than their longest word.
 
-    Where the terminal is too narrow even for that, columns stand closer, and at last the longest
-    words break. (Rich takes from the widest column first, and cuts off what does not fit then.)
+    If the terminal is too narrow for that, columns get closer, and finally the longest words break.
+    (Rich narrows the widest column first, and then truncates.)
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:

@@ -78,13 +78,13 @@ def check(
             wrong += 1
             continue
         if not quiet:
-            typer.echo(f"{problem.source.name}: {_told(problem)}")
+            typer.echo(f"{problem.source.name}: {_summary_line(problem)}")
             if isinstance(problem, Problem):
                 print_notes(problem.parts.robot)
     raise typer.Exit(BAD_INPUT if wrong else 0)
 
 
-def _told(problem: Problem | PendulumProblem) -> str:
+def _summary_line(problem: Problem | PendulumProblem) -> str:
     from wbc.problem import Problem
 
     if not isinstance(problem, Problem):

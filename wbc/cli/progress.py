@@ -1,6 +1,6 @@
 """The progress of a long command: a bar on a terminal, elsewhere a line every few seconds.
 
-Before there is any, what the command is doing, where somebody waits at a terminal.
+Until there is progress, terminals show the present activity.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ SECONDS_BETWEEN_LINES = 5.0
 
 
 class ProgressCall(Protocol):
-    """What a job calls as it goes on."""
+    """Called by a job to report progress."""
 
     def __call__(self, done: int, total: int, info: Mapping[str, Any] | None = None) -> None:
-        """Tell of ``done`` ticks or starts of a run (with ``info``), or frames of a motion."""
+        """Report ``done`` ticks or starts of a run (with ``info``), or frames of a motion."""
 
 
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[ProgressCall | None]:
-    """Give what to call while a job goes on, which writes to stderr; None if ``quiet``."""
+    """Provide a progress function that writes to stderr; None if ``quiet``."""
     if quiet:
         yield None
         return
@@ -44,7 +44,7 @@ def shown_progress(quiet: bool = False) -> Iterator[ProgressCall | None]:
         shown = bar.add_task("", total=None, doing="", state="")
 
         def call(done: int, total: int, info: Mapping[str, Any] | None = None) -> None:
-            doing, unit, state = _told(info)
+            doing, unit, state = _labels_of(info)
             if unit != "tick":
                 state = ", ".join((f"{done} of {total} {unit}s", *([state] if state else [])))
             bar.update(shown, completed=done, total=total, doing=doing, state=state)
@@ -59,7 +59,7 @@ def _lines(console: Console) -> ProgressCall:
         nonlocal last
         if time.monotonic() - last > SECONDS_BETWEEN_LINES:
             last = time.monotonic()
-            _, unit, state = _told(info)
+            _, unit, state = _labels_of(info)
             most = "" if unit in ("run", "pass") else "at most "
             console.print(
                 f"{unit} {done} of {most}{total}: {state}" if state else f"{unit} {done} of {total}"
@@ -68,7 +68,7 @@ def _lines(console: Console) -> ProgressCall:
     return call
 
 
-def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
+def _labels_of(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
     """Return the activity, its unit of progress, and a remark."""
     if info is None:
         return "analysing", "frame", ""
@@ -93,7 +93,7 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
 
 
 def push_state(info: Mapping[str, Any]) -> str:
-    """Return how long a campaign of pushes will take at most, at the rate so far, in words."""
+    """Return the longest remaining time of a campaign of pushes, at the rate so far, in words."""
     if "left" not in info:
         return ""
     return f", at most {in_words(info['left'] * info['seconds'] / info['new'])} left"
@@ -108,7 +108,7 @@ def batch_state(at: BatchProgress, seconds: float) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """Return a duration in the unit it is read in."""
+    """Return a duration in a readable unit."""
     if not math.isfinite(seconds):
         return "unknown time"
     for unit, size in (("h", 3600.0), ("min", 60.0)):
@@ -117,11 +117,11 @@ def in_words(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-DOING = "wbc.doing"  # the logger to which the library says what takes long
+DOING = "wbc.doing"  # the library's logger for slow activities
 
 
-class _Told(logging.Handler):
-    """Shows the last thing that was said."""
+class _StatusHandler(logging.Handler):
+    """Shows the last log message."""
 
     def __init__(self, status: Status) -> None:
         super().__init__(logging.INFO)
@@ -133,12 +133,12 @@ class _Told(logging.Handler):
 
 @contextmanager
 def starting(what: str, quiet: bool = False) -> Iterator[None]:
-    """Say what is done meanwhile on the terminal, if there is one.
+    """Show the present activity on the terminal, if there is one.
 
     Parameters
     ----------
     what:
-        What begins, such as ``"loading p.yaml"``; the library says the rest as it comes to it.
+        The first activity, such as ``"loading p.yaml"``; the library logs later ones.
     """
     console, logger = Console(stderr=True, highlight=False), logging.getLogger(DOING)
     if quiet or not console.is_terminal:
@@ -146,7 +146,7 @@ def starting(what: str, quiet: bool = False) -> Iterator[None]:
         return
     level, propagates = logger.level, logger.propagate
     with console.status(f"{what} ...") as status:
-        told = _Told(status)
+        told = _StatusHandler(status)
         logger.setLevel(logging.INFO)
         logger.addHandler(told)
         logger.propagate = False

@@ -1,4 +1,4 @@
-"""``wbc push``: a robot pushed from all sides, ever harder, and what it survives."""
+"""``wbc push``: the largest pushes from all sides that a robot survives."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ PUSH_EXIT_CODES = (
     " SIGTERM. The same command then goes on where it ended, also after a kill."
 )
 RATIOS = "0.8:2.0:0.1"
-PARTIAL = ".partial"  # after the output's name: what is kept until the campaign is done
+PARTIAL = ".partial"  # suffix of the journal, until the campaign is done
 MOST_RATIOS = 1000
-OUTLINE = 360  # directions of what theory says in a picture
+OUTLINE = 360  # directions of the theoretical bounds in a picture
 
 
 def push(
@@ -99,7 +99,7 @@ def push(
 
 
 def ratios_of(text: str) -> list[float]:
-    """Return what ``from:to:step`` or a list of numbers stands for.
+    """Return the ratios of ``from:to:step`` or of a list of numbers.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def _campaign(
     plot: Path | None,
     quiet: bool,
 ) -> int:
-    """Push, write and print what came of it, and return the exit code."""
+    """Run the campaign, write and print its results, and return the exit code."""
     from wbc.cli.outputs import Outputs
     from wbc.cli.push_report import print_maps
     from wbc.problem.pushing import conditions
@@ -150,7 +150,7 @@ def _campaign(
         "problems": {name: load.inputs() for name, load in zip(names, loads, strict=True)},
         **made_with,
     }
-    kept = _kept(output, paths[0], made_of)
+    kept = _journal_path(output, paths[0], made_of)
     log = CampaignLog(kept, made_of)
     with log:
         if log.entries and not quiet:
@@ -174,10 +174,10 @@ def _campaign(
     return code
 
 
-def _kept(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) -> Path:
-    """Return where every push is kept until the end: beside the output, or here.
+def _journal_path(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) -> Path:
+    """Return the path of the journal: beside the output, or in the current folder.
 
-    Without an output the name tells campaigns apart, so that one does not stop another.
+    Without an output its name depends on the inputs, so that campaigns do not block each other.
     """
     import hashlib
     import json
@@ -189,7 +189,7 @@ def _kept(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) 
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return names that tell problems apart."""
+    """Return distinct names of problems."""
     from wbc.files import as_text
 
     stems = [name_of(path) for path in paths]
@@ -207,7 +207,7 @@ def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> No
 def _print_unpushed(
     names: Sequence[str], pushed: Sequence[PushedProblem], maps: Sequence[PushMap]
 ) -> None:
-    """Say of a robot that survived nothing whether it would have been at rest without a push."""
+    """For a robot that survived nothing, print whether it rests without a push."""
     for name, one, found in zip(names, pushed, maps, strict=True):
         if found.outcomes and not any(outcome.survived for outcome in found.outcomes):
             alone = one(0.0, 0.0)
@@ -235,7 +235,7 @@ def _push_all(
         for name, load, one in zip(names, loads, pushed, strict=True):
             outcomes = run_campaign(
                 grid,
-                load if workers > 1 else partial(_itself, one),  # it is loaded here already
+                load if workers > 1 else partial(_identity, one),  # already loaded in this process
                 workers=workers,
                 known=log.known.get(name, ()),
                 record=partial(log.record, name),
@@ -248,7 +248,7 @@ def _push_all(
 
 
 def _timed(progress: ProgressCall) -> ProgressCall:
-    """Return what tells of a campaign's progress, and of the time that it takes from now on."""
+    """Return a progress function that adds a campaign's remaining time."""
     began = time.monotonic()
 
     def call(done: int, total: int, info: Mapping[str, Any] | None = None) -> None:
@@ -258,7 +258,7 @@ def _timed(progress: ProgressCall) -> ProgressCall:
     return call
 
 
-def _itself(one: PushedProblem) -> PushedProblem:
+def _identity(one: PushedProblem) -> PushedProblem:
     return one
 
 

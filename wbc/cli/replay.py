@@ -1,4 +1,4 @@
-"""``wbc replay``: a recorded run or a saved tick, once more, and whether it is the same."""
+"""``wbc replay``: repeat a recorded run or a saved tick, and compare."""
 
 from __future__ import annotations
 

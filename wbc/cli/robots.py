@@ -1,4 +1,4 @@
-"""``wbc robots`` and ``wbc collisions``: which robots there are, and what is known of one."""
+"""``wbc robots`` and ``wbc collisions``: the robots, and the description of one."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from wbc.retargeting.result import Reached, Retargeted, correlations, slides
 from wbc.retargeting.robot_setup import RobotSetup
 from wbc.retargeting.targets import Targets
 from wbc.retargeting.trajectory_problem import max_accelerations
-from wbc.rmp.axes import told_apart, track
+from wbc.rmp.axes import are_distinct, track
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, sole_series, state_series
@@ -161,7 +161,7 @@ def principal_axis_errors(actual: Array, wanted: Array) -> Array:
     for one in both:
         order = np.argsort(-one.second_moments.mean(axis=0))
         moments = one.second_moments[:, order]
-        parts.append((one.axes[:, :, order], told_apart(moments, MIN_GAP)))
+        parts.append((one.axes[:, :, order], are_distinct(moments, MIN_GAP)))
     (A, a), (B, b) = parts
     cosines = np.abs(np.einsum("nij,nij->nj", A, B))
     found[a & b] = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))[a & b]

@@ -1,1 +1,1 @@
-"""The reaction mass pendulum itself; nothing here knows a robot."""
+"""The reaction mass pendulum, independent of robots."""

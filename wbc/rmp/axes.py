@@ -1,9 +1,9 @@
-"""Principal axes through time: in one order and with one sign, however the eigenvalues cross.
+"""Principal axes tracked over time: in one order and with one sign, also where eigenvalues cross.
 
-An eigen-decomposition fixes axes only up to order and sign, 24 ways that keep them a right-handed
-triad. Here each frame takes the way nearest to the frame before. Where two second moments are
-closer than a tolerance, the axes in their plane are not defined: they are carried along with the
-least rotation and reported as undefined, so that what follows can still be told apart.
+An eigen-decomposition determines axes only up to order and sign: 24 right-handed triads. Here each
+frame takes the triad nearest to the frame before. Where two second moments are closer than a
+tolerance, the axes in their plane are undefined: they are carried along with the least rotation and
+reported as undefined, so that later axes keep their identity.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from wbc.validate import Array, finite_array, finite_number, finite_vector, read
 
 Bools = NDArray[np.bool_]
 
-# Two second moments closer than this fraction of the largest are too close to call: an inertia that
-# is right to one part in a million then has axes that are right to a milliradian.
+# Two second moments closer than this fraction of the largest count as equal: an inertia accurate to
+# one part in a million then has axes accurate to a milliradian.
 GAP = 1e-3
 SAME_AXIS = 1e-6  # two unit vectors are one axis if their cosine squared is this near to one
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # (i, j, k) cyclic
@@ -31,7 +31,7 @@ _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # (i, j, k) cyclic
 class TrackedAxes:
     """Principal axes e_k of n inertias in a row; reaction masses are at r_k = sqrt(3 lambda_k / M).
 
-    An axis is not defined if it was carried along, for want of a gap between second moments.
+    An axis is undefined if it was carried along because second moments were too close.
     """
 
     second_moments: Array  # lambda_k of mass along each axis (n, 3) [kg m^2]
@@ -49,8 +49,8 @@ def track(
 ) -> TrackedAxes:
     """Return the principal axes of a series of inertias, without flips.
 
-    The axes must turn by less than 45 degrees from one frame to the next; beyond that a rotation
-    cannot be told from a change of order or sign. Memory: some 500 bytes per frame.
+    The axes must turn by less than 45 degrees between frames; beyond that a rotation cannot be
+    distinguished from a change of order or sign. Memory: some 500 bytes per frame.
 
     Parameters
     ----------
@@ -73,9 +73,9 @@ def track(
     moments, raw = np.linalg.eigh(I)
     along = np.maximum(0.5 * moments.sum(axis=1)[:, None] - moments, 0.0)  # descending
     raw *= np.sign(np.linalg.det(raw))[:, None, None]
-    defined = told_apart(along, gap)
+    defined = are_distinct(along, gap)
     start = equimomental(I[0], 1.0).axes if previous is None else checked_rotation(previous)
-    axes = _chained(raw, defined, start)
+    axes = _chain(raw, defined, start)
     # Rayleigh quotients: the eigenvalues where axes are defined, and close to them elsewhere.
     about = np.einsum("nik,nij,njk->nk", axes, I, axes)
     second = np.maximum(0.5 * about.sum(axis=1)[:, None] - about, 0.0)
@@ -97,10 +97,10 @@ def follow(axes: ArrayLike, second_moments: ArrayLike, previous: ArrayLike, gap:
     """
     raw, before = checked_rotation(axes), checked_rotation(previous)
     moments = finite_vector("second moments", second_moments, 3)
-    return _followed(raw, told_apart(moments, finite_number("gap", gap, above=0.0)), before)
+    return _follow_frame(raw, are_distinct(moments, finite_number("gap", gap, above=0.0)), before)
 
 
-def told_apart(second_moments: Array, gap: float = GAP) -> Bools:
+def are_distinct(second_moments: Array, gap: float = GAP) -> Bools:
     """Return which axes are defined (..., 3), bool, given second moments (..., 3), largest first.
 
     An axis is undefined if its second moment is within ``gap`` times the largest of another's.
@@ -165,20 +165,20 @@ _SIGNED = (
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
 )
 # (24, 3, 3), the identity first.
-_WAYS = read_only(np.array([way for way in _SIGNED if np.linalg.det(way) > 0.0]))
-# Entry (a, b) is the number of _WAYS[a] @ _WAYS[b].
-_PRODUCT = np.einsum("aij,bjk,cik->abc", _WAYS, _WAYS, _WAYS).argmax(axis=2).tolist()
+_TRIADS = read_only(np.array([way for way in _SIGNED if np.linalg.det(way) > 0.0]))
+# Entry (a, b) is the number of _TRIADS[a] @ _TRIADS[b].
+_PRODUCT = np.einsum("aij,bjk,cik->abc", _TRIADS, _TRIADS, _TRIADS).argmax(axis=2).tolist()
 
 
-def _chained(raw: Array, defined: Bools, start: Array) -> Array:
+def _chain(raw: Array, defined: Bools, start: Array) -> Array:
     """Return axes (n, 3, 3), each nearest to the one before; ``start`` precedes the first.
 
-    Frames that are all defined are handled together: the way D from one to the next does not
-    depend on how the former was turned (trace(C' X C) = trace(X)), so the ways just multiply up.
+    Frames with all axes defined are handled together: the permutation D from one to the next does
+    not depend on that of the former (trace(C' X C) = trace(X)), so permutations just multiply.
     """
     clear: Bools = np.asarray(defined.all(axis=1))
     relative = np.swapaxes(raw[:-1], 1, 2) @ raw[1:]
-    steps = np.einsum("nij,cji->nc", relative, _WAYS).argmax(axis=1).tolist()
+    steps = np.einsum("nij,cji->nc", relative, _TRIADS).argmax(axis=1).tolist()
     axes = np.empty_like(raw)
     # Runs of clear frames, and single frames in between.
     breaks = np.flatnonzero(~clear[1:] | ~clear[:-1]) + 1
@@ -186,25 +186,25 @@ def _chained(raw: Array, defined: Bools, start: Array) -> Array:
     before = start
     for first, end in pairwise(bounds):
         if not clear[first]:
-            axes[first] = _followed(raw[first], defined[first], before)
+            axes[first] = _follow_frame(raw[first], defined[first], before)
         else:
-            way = _nearest_way(raw[first], before)
+            way = _nearest_triad(raw[first], before)
             run = steps[first : end - 1]
             ways = list(accumulate(run, lambda way, step: _PRODUCT[step][way], initial=way))
-            axes[first:end] = raw[first:end] @ _WAYS[ways]
+            axes[first:end] = raw[first:end] @ _TRIADS[ways]
         before = axes[end - 1]
     return axes
 
 
-def _nearest_way(raw: Array, before: Array) -> int:
-    """Return the way C for which raw @ C is nearest to ``before``: the largest trace."""
-    return int(np.einsum("ij,cji->c", before.T @ raw, _WAYS).argmax())
+def _nearest_triad(raw: Array, before: Array) -> int:
+    """Return the triad C for which raw @ C is nearest to ``before``: the largest trace."""
+    return int(np.einsum("ij,cji->c", before.T @ raw, _TRIADS).argmax())
 
 
-def _followed(raw: Array, defined: Bools, before: Array) -> Array:
+def _follow_frame(raw: Array, defined: Bools, before: Array) -> Array:
     """Return one frame's axes (3, 3) nearest to ``before``, free to turn in undefined planes."""
     if defined.all():
-        return raw @ _WAYS[_nearest_way(raw, before)]
+        return raw @ _TRIADS[_nearest_triad(raw, before)]
     if not defined.any():
         return before.copy()
     # One axis is defined. Of all rotations that have it among their columns, the nearest comes

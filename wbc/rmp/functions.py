@@ -16,8 +16,8 @@ from wbc.files import write_text
 from wbc.rmp.pendulum import ReactionMassPendulum
 from wbc.validate import Array
 
-# What files of CasADi's end with, and have nowhere else.
-ENDS = '} /* extern "C" */\n#endif\n'
+# The end of CasADi's C files, which shows that they are complete.
+FILE_END = '} /* extern "C" */\n#endif\n'
 
 
 class Evaluator:
@@ -84,7 +84,7 @@ def export_c(
             one.name: one.read_text(encoding="utf-8") if one.exists() else ""
             for one in (source, source.with_suffix(".h"))
         }
-        if not all(text.endswith(ENDS) for text in texts.values()):
+        if not all(text.endswith(FILE_END) for text in texts.values()):
             raise OSError(errno.ENOSPC, "could not be written whole; is the disk full?", folder)
     for name, text in texts.items():
         write_text(directory / name, text)

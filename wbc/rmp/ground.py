@@ -1,4 +1,4 @@
-"""Where the ground pushes: centre of pressure, centroidal moment pivot, support polygon.
+"""The ground reaction: centre of pressure, centroidal moment pivot, support polygon.
 
 The ground is flat, at height z0, with the normal n = +z. Its push on the robot is given as the
 force f_r and its moment about the CoM, which is the rate of the centroidal angular momentum k'_c if
@@ -16,8 +16,8 @@ from wbc.errors import InvalidInputError, shown
 from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array
 
-# A ground that pushes with less than this fraction of the weight is taken as not touched: the CoP
-# divides by the push, and would be made of rounding and measuring errors.
+# A ground reaction below this fraction of the weight counts as flight: the CoP divides by it, and
+# would consist of rounding and measurement errors.
 FLIGHT = 0.01
 # The leg angle theta is undefined where the leg lies along y: within this, as a cosine.
 SINGULAR = 1e-6
@@ -26,10 +26,10 @@ Wrench = tuple[ArrayLike, ArrayLike]
 
 
 def in_contact(force: Array, mass: float) -> Array:
-    """Return where the ground is pushed on (...,), bool: n . f_r is above ``FLIGHT`` M g.
+    """Return where there is contact (...,), bool: n . f_r is above ``FLIGHT`` M g.
 
-    False means flight, or a motion that only a ground that pulls could give (n . f_r < 0). The
-    force is f_r (..., 3) [N], the mass M that of the robot [kg].
+    False means flight, or a motion that would need a pulling ground (n . f_r < 0). The force is f_r
+    (..., 3) [N], the mass M that of the robot [kg].
     """
     return np.asarray(force[..., 2] > FLIGHT * STANDARD_GRAVITY * mass)
 

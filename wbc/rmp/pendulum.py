@@ -1,4 +1,4 @@
-"""What the planar and the solid reaction mass pendulum share: equations of motion, and methods.
+"""The base of the planar and the solid reaction mass pendulum: equations of motion, and methods.
 
 For velocities v that are the rates of coordinates, with p = dT/dv, Lagrange's equations are
 
@@ -28,7 +28,7 @@ from wbc.errors import InvalidInputError
 from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, check_fields, finite_vector, real_array, set_fields
 
-# How far a holding force may be off, as a fraction of the weight (times the leg, for a torque).
+# Tolerance of an equilibrium's force, as a fraction of the weight (times the leg, for a torque).
 AT_REST = 1e-8
 # Masses nearer to the CoM than this have no inertia [m].
 SMALLEST = 1e-9
@@ -36,7 +36,7 @@ SMALLEST = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """What the equations of motion of a pendulum follow from, in symbols."""
+    """The symbolic quantities from which a pendulum's equations of motion are derived."""
 
     q: ca.SX  # (nq,)
     v: ca.SX  # (nv,)

@@ -167,12 +167,12 @@ class Held:
         spin += half * (wheel_torque / (M * radius**2) - 2.0 * radius_rate / radius * spin)
         theta += half * theta_rate
         theta_rate -= half * torque / (M * length**2)
-        leg = _return(length - self.length, length_rate, LENGTH_RATE)
-        masses = _return(radius - self.radius, radius_rate, RADIUS_RATE)
+        leg = _restoring_acceleration(length - self.length, length_rate, LENGTH_RATE)
+        masses = _restoring_acceleration(radius - self.radius, radius_rate, RADIUS_RATE)
         f_l = M * (leg - length * theta_rate**2 + g * math.sin(theta))
         f = M * (masses - radius * spin**2)
         return np.array((0.0, f_l, wheel_torque, f))
 
 
-def _return(error: float, rate: float, decay: float) -> float:
+def _restoring_acceleration(error: float, rate: float, decay: float) -> float:
     return -decay * (2.0 * rate + decay * error)

@@ -14,7 +14,7 @@ from wbc.errors import InvalidInputError
 from wbc.placement import from_quaternion
 from wbc.polygon import inset, polygon_margin
 from wbc.qp import QP, ProxQP, Solution, make_backend
-from wbc.rmp.balance.capture import braking_debt, nearest
+from wbc.rmp.balance.capture import braking_debt, projected
 from wbc.rmp.balance.foot import acceleration_range
 from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -368,7 +368,7 @@ def test_braking_never_passes_a_limit_and_uses_all_of_the_way() -> None:
 def test_nearest_point_of_a_polygon() -> None:
     corners = np.array(((-0.1, -0.2), (0.3, -0.1), (0.2, 0.2), (-0.2, 0.1)))
     point = ca.SX.sym("p", 2)
-    function = ca.Function("nearest", [point], [nearest(corners, point)])
+    function = ca.Function("nearest", [point], [projected(corners, point)])
     rng = np.random.default_rng(8)
     for p in rng.uniform(-0.5, 0.5, (200, 2)):
         found = function(p).full().ravel()

@@ -60,16 +60,16 @@ def wanted_cmp(
     that of :func:`braking_debt`, ``target`` (2,) the capture point at rest, and ``support`` holds
     the corners of the polygon (k, 2), anticlockwise.
     """
-    near = nearest(support, capture_point + gains.capture * (capture_point - ca.DM(target)))
+    near = projected(support, capture_point + gains.capture * (capture_point - ca.DM(target)))
     return near + gains.beyond * beyond_reserve(capture_point + debt, target, support, gains)
 
 
 def beyond_reserve(point: ca.SX, target: Array, support: Array, gains: CaptureGains) -> ca.SX:
     """Return how far (2,) [m] a point is outside the support without its reserve."""
-    return point - nearest(target + (1.0 - gains.reserve) * (support - target), point)
+    return point - projected(target + (1.0 - gains.reserve) * (support - target), point)
 
 
-def nearest(corners: Array, point: ca.SX) -> ca.SX:
+def projected(corners: Array, point: ca.SX) -> ca.SX:
     """Return the point (2,) of a convex polygon (k, 2), anticlockwise, nearest to ``point``."""
     best, least, inside = point, ca.SX(ca.inf), ca.SX(1.0)
     for k in range(len(corners)):

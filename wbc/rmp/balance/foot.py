@@ -27,18 +27,18 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation_vector
 from wbc.validate import Array
 
-# Least push of the ground, as a part of the weight: the CoP divides by it.
-LIGHTEST = 0.05
-# Part of a motor's torque that braking counts on; the rest is for what couples the axes.
-COUNTED = 0.95
-# Part of the wheel's angle left as a margin: a slack at its limit gives way by some 1e-5.
+# Least normal force, as a part of the weight: the CoP divides by it.
+LEAST_PUSH = 0.05
+# Part of a motor's torque that is assumed for braking; the rest is for coupling between the axes.
+BRAKING_SHARE = 0.95
+# Margin as a part of the wheel's angle: a slack at its limit is violated by some 1e-5.
 ANGLE_MARGIN = 1e-3
-# How much more than the brake can do is asked of a coordinate that it cannot stop in time: what is
-# lacking shows in the slack.
-INSIST = 2.0
+# Factor on the brake demanded of a coordinate that cannot stop in time: the rest shows in the
+# slack.
+OVERDEMAND = 2.0
 TORSION = "torsion "  # what labels of such rows begin with
 # Corners of a rectangle are square to this part, and its sides equal to this [m].
-SKEW = 1e-6
+SQUARE_TOLERANCE = 1e-6
 # Deceleration that a leg is sure to have left, as a part of gravity.
 LEG_BRAKE = 0.5
 
@@ -219,8 +219,10 @@ def torsion_rows(foot: FlatFoot, bounds: LawBounds, slope: float) -> list[Affine
     """
     corners = inset(np.asarray(bounds.polygon), bounds.cop_margin)
     sides = 0.5 * (np.roll(corners, -1, axis=0) - corners)
-    square = len(corners) == 4 and abs(sides[0] @ sides[1]) < SKEW * np.prod(_lengths(sides[:2]))
-    if not square or not np.allclose(sides[:2], -sides[2:], atol=SKEW):
+    square = len(corners) == 4 and abs(sides[0] @ sides[1]) < SQUARE_TOLERANCE * np.prod(
+        _lengths(sides[:2])
+    )
+    if not square or not np.allclose(sides[:2], -sides[2:], atol=SQUARE_TOLERANCE):
         return []
     half = _lengths(sides[:2])
     axes = sides[:2] / half[:, None]  # the second is to the left of the first
@@ -248,15 +250,15 @@ def elastic_rows(foot: FlatFoot, bounds: LawBounds, dt: float) -> list[AffineRow
     """Return the leg's length and the wheel's angle, by braking; each row has its own slack."""
     slack, g = foot.x[9:], foot.model.gravity
     low, high = acceleration_range(
-        foot.q[4], foot.leg_rate, bounds.leg_length, (LEG_BRAKE * g, LEG_BRAKE * g), dt, INSIST
+        foot.q[4], foot.leg_rate, bounds.leg_length, (LEG_BRAKE * g, LEG_BRAKE * g), dt, OVERDEMAND
     )
     length = (foot.leg_acceleration - slack[0]) / g
     rows = [AffineRow("length of the leg", length, low / g, high / g)]
     if bounds.wheel_angle < FREE:
-        strength = COUNTED * bounds.wheel_torque / foot.inertia
+        strength = BRAKING_SHARE * bounds.wheel_torque / foot.inertia
         edge = (1.0 - ANGLE_MARGIN) * bounds.wheel_angle
         low, high = acceleration_range(
-            foot.angle, foot.angle_rate, (-edge, edge), (strength, strength), dt, INSIST
+            foot.angle, foot.angle_rate, (-edge, edge), (strength, strength), dt, OVERDEMAND
         )
         # In the torque's own units, so that a heavy wheel's rows weigh what a light one's do.
         scale = foot.inertia / bounds.wheel_torque
@@ -281,7 +283,7 @@ def box(foot: FlatFoot, bounds: LawBounds, dt: float) -> tuple[ca.SX, ca.SX]:
         ]
         torque = (ends[0], ends[1])
     stroke = acceleration_range(foot.q[9:], foot.v[8:], bounds.radius, (g, g), dt)
-    fall = -(1.0 - LIGHTEST) * g
+    fall = -(1.0 - LEAST_PUSH) * g
     free = ca.SX(ca.inf * ca.DM.ones(4))
     return (
         ca.vertcat(-ca.inf, -ca.inf, fall, torque[0], stroke[0], -free),
@@ -295,14 +297,14 @@ def acceleration_range(
     limits: tuple[float, float],
     strength: tuple[ca.SX | float, ca.SX | float],
     dt: float,
-    insist: float = 1.0,
+    overdemand: float = 1.0,
 ) -> tuple[ca.SX, ca.SX]:
     """Return the (least, greatest) acceleration for the coming ``dt``, each of ``position``'s size.
 
     After ``dt`` at the greatest, braking with all strength stops the coordinate at its upper limit.
     With the rate r1 after ``dt`` that is (rate + r1) dt/2 + r1^2 / (2 strength) = room: along the
     limit the motion is full speed, then full brake. A coordinate already out of its limits, or too
-    fast for them, is brought back with ``insist`` times the strength, not in one tick.
+    fast for them, is brought back with ``overdemand`` times the strength, not in one tick.
 
     Parameters
     ----------
@@ -312,22 +314,30 @@ def acceleration_range(
         (lower, upper); an infinite one does not limit.
     strength:
         Greatest deceleration of a motion (downward, upward), > 0, (n,) or a number.
-    insist:
+    overdemand:
         1 for limits that must be within reach; more where a slack shows what the brake lacks.
     """
     (lower, upper), (down, up) = limits, strength
-    greatest = _ceiling(upper - position, rate, up, dt, insist) if upper < ca.inf else ca.inf
-    least = -_ceiling(position - lower, -rate, down, dt, insist) if lower > -ca.inf else -ca.inf
+    greatest = (
+        _most_acceleration(upper - position, rate, up, dt, overdemand) if upper < ca.inf else ca.inf
+    )
+    least = (
+        -_most_acceleration(position - lower, -rate, down, dt, overdemand)
+        if lower > -ca.inf
+        else -ca.inf
+    )
     # Limits less than a tick's way apart would cross.
     ones = ca.SX.ones(position.shape)
     return ones * ca.fmin(least, greatest), ones * greatest
 
 
-def _ceiling(room: ca.SX, rate: ca.SX, strength: ca.SX | float, dt: float, insist: float) -> ca.SX:
+def _most_acceleration(
+    room: ca.SX, rate: ca.SX, strength: ca.SX | float, dt: float, overdemand: float
+) -> ca.SX:
     """Return the greatest acceleration (n,) from which ``strength`` stops within ``room``."""
     left = room - rate * dt / 2
     # r1^2 / (2 s) + r1 dt / 2 = left; the fmax keeps the root real where the other branch holds.
     stopping = ca.sqrt((strength * dt / 2) ** 2 + 2 * strength * ca.fmax(left, 0.0))
     # Out of room: back to the limit within dt, as far as is insisted.
     after = ca.if_else(left > 0.0, stopping - strength * dt / 2, 2 * left / dt)
-    return ca.fmax((after - rate) / dt, -insist * strength)
+    return ca.fmax((after - rate) / dt, -overdemand * strength)

@@ -18,7 +18,7 @@ from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_vector, read_only, set_fields
 
 # Singular values of [A - s 1, B], in scaled units, below which no input reaches the mode.
-UNREACHED = 1e-7
+UNCONTROLLABLE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +174,10 @@ def riccati_gain(A: Array, B: Array, errors: Array, efforts: Array) -> tuple[Arr
 def _require_stabilisable(a: Array, b: Array) -> None:
     size = max(1.0, float(np.abs(a).max()))
     for mode in np.linalg.eigvals(a):
-        if mode.real < -UNREACHED * size:
+        if mode.real < -UNCONTROLLABLE * size:
             continue
         test = np.hstack((a - mode * np.eye(len(a)), b))
-        if np.linalg.svd(test, compute_uv=False)[-1] < UNREACHED * size:
+        if np.linalg.svd(test, compute_uv=False)[-1] < UNCONTROLLABLE * size:
             raise InvalidInputError(
                 f"lqr: the mode at {mode:.3g} 1/s does not decay, and no input reaches it; with a"
                 " point contact this needs gravity, or a foot"

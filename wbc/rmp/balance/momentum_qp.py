@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
-from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
+from wbc.rmp.balance.capture import (
+    CaptureGains,
+    beyond_reserve,
+    braking_debt,
+    projected,
+    wanted_cmp,
+)
 from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand
 from wbc.rmp.functions import Evaluator
@@ -23,13 +29,13 @@ UNKNOWNS = (
     *("c''_x", "c''_y", "c''_z", "tau_1", "tau_2", "tau_3", "r_1''", "r_2''", "r_3''"),
     *("slack leg", "slack angle 1", "slack angle 2", "slack angle 3"),
 )
-# Part of the rest height below which the capture point law reckons with no lower CoM.
-LOWEST = 0.1
+# Part of the rest height that the capture point law uses as least CoM height.
+LEAST_HEIGHT = 0.1
 # Angle [rad] and rate [rad/s] of the masses below which they count as returned.
 RETURNED = 0.02
-# A slack beyond this part of its scale is a limit not kept. At a limit that is kept, the weights
+# A slack beyond this part of its scale is a violated limit. At a limit that is kept, the weights
 # leave some 1e-5.
-GIVEN_WAY = 0.01
+VIOLATED = 0.01
 
 
 @dataclass(frozen=True)
@@ -132,13 +138,13 @@ class MomentumQp:
             note = f"the QP failed; {solution.describe()}"
             return PendulumCommand(force, still, "fallback", ok=False, note=note)
         force = self._program.force(q, v, self._program.scale * solution.x)
-        note = self._complaint(solution.x, tick.outside)
+        note = self._violations(solution.x, tick.outside)
         phase = "stand" if tick.turned < RETURNED else "recover"
         phase = "wheel" if tick.outside > 0.0 else phase
         return PendulumCommand(force, still, phase, ok=not note, note=note)
 
-    def _complaint(self, x: Array, outside: float) -> str:
-        """Return what cannot be done; empty if all can."""
+    def _violations(self, x: Array, outside: float) -> str:
+        """Return which limits are violated, in words; empty if none."""
         # Both motors at once reach the corner of a box.
         reach = math.sqrt(2.0) * self.bounds.wheel_torque / (self.model.mass * self.model.gravity)
         if outside > reach:
@@ -147,11 +153,9 @@ class MomentumQp:
                 f" reaches {reach:.3g} m; only a step helps"
             )
         slack = x[9:]
-        if max(slack.max(), -slack.min()) <= GIVEN_WAY:
+        if max(slack.max(), -slack.min()) <= VIOLATED:
             return ""
-        gave = (
-            f"{UNKNOWNS[9 + k]} {slack[k]:+.2g}" for k in np.flatnonzero(abs(slack) > GIVEN_WAY)
-        )
+        gave = (f"{UNKNOWNS[9 + k]} {slack[k]:+.2g}" for k in np.flatnonzero(abs(slack) > VIOLATED))
         return f"too fast to be stopped before a limit, which gives way: {', '.join(gave)}"
 
 
@@ -220,7 +224,7 @@ class _Program:
         self._labels = Labels((), tuple(row.label for row in rows), UNKNOWNS)
         expression = ca.vertcat(*(row.expression for row in rows))
         constant = ca.substitute(expression, foot.x, ca.DM.zeros(len(UNKNOWNS)))
-        wanted, fallback, outside = _aims(foot, law, com, radii)
+        wanted, fallback, outside = _wanted_and_fallback(foot, law, com, radii)
         outputs = (
             -ca.DM(share / self.scale) * wanted,
             ca.jacobian(expression, foot.x) @ ca.DM(np.diag(self.scale)),
@@ -247,12 +251,14 @@ class _Program:
         return _Tick(qp, fallback, float(outside[0]), float(turned[0]))
 
 
-def _aims(foot: FlatFoot, law: MomentumQp, com: Array, radii: Array) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return the unknowns wanted (13,), those to fall back to (13,), and ``outside``."""
+def _wanted_and_fallback(
+    foot: FlatFoot, law: MomentumQp, com: Array, radii: Array
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return the wanted unknowns (13,), the fallback (13,), and ``outside``."""
     model, gains, most = law.model, law.gains, law.bounds.wheel_torque
     support = inset(np.asarray(law.bounds.polygon), law.bounds.cop_margin)
     place, rate = foot.com, foot.com_rate
-    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LOWEST * com[2]))
+    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LEAST_HEIGHT * com[2]))
     xi = place[:2] + rate[:2] / omega
     k_G, _ = model.functions["momenta"](foot.q, foot.v)
     debt = braking_debt(k_G, most, model.mass * model.gravity, omega)
@@ -261,7 +267,7 @@ def _aims(foot: FlatFoot, law: MomentumQp, com: Array, radii: Array) -> tuple[ca
     turn = gains.wheel**2 * foot.angle + 2 * gains.wheel * foot.v[5:8]
     back = foot.gyroscopic - foot.inertia * turn
     slide = gains.radii**2 * (ca.DM(radii) - foot.q[9:]) - 2 * gains.radii * foot.v[8:]
-    hold = omega**2 * (place[:2] - nearest(support, place[:2]))
+    hold = omega**2 * (place[:2] - projected(support, place[:2]))
     calm = ca.fmax(-most, ca.fmin(most, back))
     none = ca.SX.zeros(4)
     return (

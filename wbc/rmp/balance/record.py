@@ -19,9 +19,8 @@ from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array
 
-# By how much a bound may be overstepped, in its unit, before it counts as broken: the accuracy of a
-# QP, for N and N m of the order of a thousand.
-KEPT = 1e-6
+# Tolerance of a bound, in its unit: the accuracy of a QP, for N and N m of the order of a thousand.
+BOUND_TOLERANCE = 1e-6
 
 
 class Ending(Enum):
@@ -112,8 +111,10 @@ class Simulation:
         }
 
     def broken(self) -> dict[str, float]:
-        """Return the bounds that were broken, and by how much at most, in their units."""
-        return {name: -margin for name, margin in self.margins().items() if margin < -KEPT}
+        """Return the violated bounds, and the largest violation, in their units."""
+        return {
+            name: -margin for name, margin in self.margins().items() if margin < -BOUND_TOLERANCE
+        }
 
     @cached_property
     def _samples(self) -> tuple[Array, Array, Array, Array]:

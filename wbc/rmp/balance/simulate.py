@@ -22,12 +22,12 @@ from wbc.validate import Array, check_fields, finite_number, finite_vector, read
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
 FALLEN = math.radians(10.0)
-# Rates and lengths beyond this are no motion any more [SI].
+# Rates and lengths beyond this end a simulation [SI].
 LARGEST = 1e8
 # Longest record; a solid pendulum's takes 2 GB.
 MOST_STEPS = 5_000_000
-# How often progress is told [steps].
-TOLD = 100
+# Steps from one call of ``progress`` to the next.
+STEPS_PER_CALL = 100
 
 Stop = Callable[[float, Array, Array, PendulumCommand], bool]
 
@@ -140,7 +140,7 @@ def simulate(
     run = _Run(law, model, float(dt), bounds, pivot, fallen, [start])
     end = None
     for k in range(steps):
-        if progress is not None and k % TOLD == 0:
+        if progress is not None and k % STEPS_PER_CALL == 0:
             progress(k * run.dt)
         if k in jumps:
             run.push(jumps[k])
@@ -168,7 +168,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.nq = len(self.model.Q)
-        self._step = Evaluator(_judged_step(self.model, self.dt))
+        self._step = Evaluator(_checked_step(self.model, self.dt))
 
     def push(self, impulse: Array) -> None:
         """Let an impulse change the velocity."""
@@ -199,7 +199,7 @@ class _Run:
         self.states.append(after)
         self.inputs.append(u)
         self.commands.append(command)
-        return self._judged(time + self.dt, *leg.tolist())
+        return self._ending(time + self.dt, *leg.tolist())
 
     def recorded(self, end: tuple[Ending, str] | None) -> Simulation:
         """Return the record of a run that ended so, or was carried out to the end."""
@@ -233,7 +233,7 @@ class _Run:
         u: Array = np.concatenate((w, f)).astype(float)
         return u if np.isfinite(u).all() else None
 
-    def _judged(self, time: float, leg: float, height: float) -> tuple[Ending, str] | None:
+    def _ending(self, time: float, leg: float, height: float) -> tuple[Ending, str] | None:
         low, high = self.bounds.leg_length
         if not (max(low, 0.0) <= leg <= high):
             note = f"at {time:g} s the leg is {leg:.4g} m long, out of [{low:g}, {high:g}] m"
@@ -246,7 +246,7 @@ class _Run:
         return None
 
 
-def _judged_step(model: Pendulum, dt: float) -> ca.Function:
+def _checked_step(model: Pendulum, dt: float) -> ca.Function:
     """Return (x, u) -> (x_next, f_r now, (length of the leg, its height) next)."""
     nq, nv = len(model.Q), len(model.V)
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)

@@ -16,9 +16,9 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
 # How far, as a part of it, a solid body's spin may be off one of the axes of the masses.
-ALONG = 1e-6
+AXIS_TOLERANCE = 1e-6
 # Least spin, as a part of that at the start: radii a million times as large are no pendulum's.
-SLOWEST = 1e-12
+LEAST_SPIN = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class SpinChange:
             )
         start = _resting_radii(q0, v0, model.RADII, self.bounds)
         axis, spin0 = _spin(model, v0)
-        if abs(self.spin) < SLOWEST * abs(spin0):
+        if abs(self.spin) < LEAST_SPIN * abs(spin0):
             raise InvalidInputError(
                 f"spin: {self.spin:g} rad/s would take masses that are infinitely far out"
             )
@@ -181,7 +181,7 @@ def _spin(model: Pendulum, v: Array) -> tuple[int, float]:
         axis = int(np.abs(w).argmax())
         spin = float(w[axis])
         off = float(np.linalg.norm(np.delete(w, axis)))
-        if off > ALONG * abs(spin):
+        if off > AXIS_TOLERANCE * abs(spin):
             raise InvalidInputError(
                 f"v0: the body rate {w} is off the masses' axis {axis + 1} by {off:.3g} rad/s; it"
                 " would tumble, and no radii give it one spin"

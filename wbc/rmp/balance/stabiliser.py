@@ -26,15 +26,15 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.placement import from_quaternion
-from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
+from wbc.rmp.balance.foot import LEAST_PUSH, FlatFoot
 from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
-# Height [m] below which the law reckons with no lower CoM: a leg on the ground cannot be raised by
-# a hip, and the law must still return numbers.
-LOWEST = 1e-3
+# Least CoM height [m] in the law: a leg on the ground cannot be raised by a hip, and the law must
+# still return numbers.
+LEAST_HEIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -119,21 +119,21 @@ def _force(
     model, most = foot.model, bounds.wheel_torque
     weight = model.mass * model.gravity
     place = foot.com - ca.vertcat(foot.q[:2], 0.0)
-    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LOWEST))
+    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LEAST_HEIGHT))
     xi = place[:2] + (foot.com_rate[:2] - foot.v[:2]) / omega
     cmp = _wanted_cmp(foot, xi, omega, most / weight, gains)
     lift = gains.height**2 * (height - place[2]) - 2 * gains.height * foot.com_rate[2]
     # To push up harder makes a torque reach less far: no rising while all of the reach is needed.
     spare = ca.fmax(0.0, ca.fmin(1.0, 2.0 * (1.0 - ca.norm_2(xi) * weight / most)))
     lift = ca.fmin(lift, spare * ca.fmax(lift, 0.0))
-    pressure = model.mass * ca.fmax(model.gravity + lift, LIGHTEST * model.gravity)
+    pressure = model.mass * ca.fmax(model.gravity + lift, LEAST_PUSH * model.gravity)
     R = from_quaternion(foot.q[5:9])
     level = R.T @ ca.vertcat(-pressure * cmp[1], pressure * cmp[0], 0.0)
     # Scaled, not clipped: clipped about axes that have turned, it would point elsewhere.
     level *= ca.fmin(1.0, most / ca.fmax(ca.norm_inf(level), most))
     k_G, _ = model.functions["momenta"](foot.q, foot.v)
     yaw = -(gains.yaw**2 * foot.inertia[2] * foot.angle[2] + 2 * gains.yaw * k_G[2])
-    torque = level + _what_fits(R.T @ ca.vertcat(0.0, 0.0, yaw), level, most)
+    torque = level + _within_torque(R.T @ ca.vertcat(0.0, 0.0, yaw), level, most)
     push = _push(place, R @ torque, pressure, bounds.leg_force)
     slide = gains.radii**2 * (ca.DM(radii) - foot.q[9:]) - 2 * gains.radii * foot.v[8:]
     acceleration = push / model.mass - ca.vertcat(0.0, 0.0, model.gravity)
@@ -164,7 +164,7 @@ def _push(place: ca.SX, moment: ca.SX, pressure: ca.SX, leg_force: tuple[float, 
 
     ``place`` is the CoM from the foot; f_z is ``pressure`` if the force along the leg allows it.
     """
-    x, y, z = place[0], place[1], ca.fmax(place[2], LOWEST)
+    x, y, z = place[0], place[1], ca.fmax(place[2], LEAST_HEIGHT)
     # (-place) x f_r = moment. Along the leg that is f_l = (r_l^2 f_z + turning) / (r_l z).
     length = ca.norm_2(place)
     turning = y * moment[0] - x * moment[1]
@@ -173,7 +173,7 @@ def _push(place: ca.SX, moment: ca.SX, pressure: ca.SX, leg_force: tuple[float, 
     return ca.vertcat((x * f_z - moment[1]) / z, (y * f_z + moment[0]) / z, f_z)
 
 
-def _what_fits(more: ca.SX, torque: ca.SX, most: float) -> ca.SX:
+def _within_torque(more: ca.SX, torque: ca.SX, most: float) -> ca.SX:
     """Return as much of ``more`` (3,) as leaves its sum with ``torque`` within the limit."""
     room = most - ca.sign(more) * torque
     parts = room / ca.fmax(ca.fabs(more), 1e-12 * most)

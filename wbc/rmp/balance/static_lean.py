@@ -119,8 +119,8 @@ class StaticLean:
         alpha_rate = float((k_P + leaned) / inertia)
         growth = self.static_torque / inertia
         times = [
-            *_passings((alpha_rate, growth, 0.0), self.bounds.wheel_rate),
-            *_passings((alpha, alpha_rate, growth / 2.0), self.bounds.wheel_angle),
+            *_crossings((alpha_rate, growth, 0.0), self.bounds.wheel_rate),
+            *_crossings((alpha, alpha_rate, growth / 2.0), self.bounds.wheel_angle),
         ]
         if abs(v[3]) >= self.bounds.wheel_rate or abs(q[3]) >= self.bounds.wheel_angle:
             return 0.0
@@ -154,7 +154,7 @@ def _integrals(error: float, rate: float, w: float) -> tuple[float, float]:
     return first, (2.0 * w * first - error) / w**2
 
 
-def _passings(polynomial: tuple[float, float, float], limit: float) -> list[float]:
+def _crossings(polynomial: tuple[float, float, float], limit: float) -> list[float]:
     """Return the times t > 0 at which c0 + c1 t + c2 t^2 passes +-limit."""
     if limit == FREE:
         return []

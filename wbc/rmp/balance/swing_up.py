@@ -23,9 +23,9 @@ _LEAN, _LEAN_ANGLE = 0.25, math.radians(0.7)
 # Weights of the catch, by Bryson's rule: s and k that cost as much as all torque, as parts of it.
 _UNSTABLE, _MOMENTUM = 1.0, 4.0
 # At an end of the wheel's rate, the part of the rate over which torque fades.
-_FADE = 0.02
+_FADE_SHARE = 0.02
 # Least torque ratio, as a multiple of (w dt)^2: what is lost between commands stays well below it.
-_LEAST = 3.0
+_LEAST_RATIO = 3.0
 # Leg upright within this [rad]: the phase is "hold".
 _UPRIGHT = math.radians(1.0)
 
@@ -154,7 +154,7 @@ class SwingUp:
         limit = self.bounds.wheel_rate
         if limit == FREE or rate * torque <= 0.0:
             return torque
-        return torque * min(max((limit - abs(rate)) / (_FADE * limit), 0.0), 1.0)
+        return torque * min(max((limit - abs(rate)) / (_FADE_SHARE * limit), 0.0), 1.0)
 
 
 def _require_means(held: Held, bounds: LawBounds) -> None:
@@ -174,9 +174,9 @@ def _require_means(held: Held, bounds: LawBounds) -> None:
             f"bounds: wheel_rate must exceed {least:.4g} rad/s, at which the leg itself swings"
             f" through; {bounds.wheel_rate:g} is {least - bounds.wheel_rate:.4g} too little"
         )
-    lost = _LEAST * (held.frequency * held.dt) ** 2
+    lost = _LEAST_RATIO * (held.frequency * held.dt) ** 2
     if bounds.wheel_torque < lost * held.weight_torque:
-        most = math.sqrt(bounds.wheel_torque / (_LEAST * held.weight_torque)) / held.frequency
+        most = math.sqrt(bounds.wheel_torque / (_LEAST_RATIO * held.weight_torque)) / held.frequency
         raise InvalidInputError(
             f"dt: with commands every {held.dt:g} s the leg takes more energy than a wheel_torque"
             f" of {bounds.wheel_torque:g} N m brings; at most {most:.3g} s, or"

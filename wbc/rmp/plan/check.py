@@ -136,38 +136,38 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
     time = fine.time[here]
     out: list[Excess] = []
 
-    def most(quantity: str, values: Array, greatest: float | Array, unit: str) -> None:
+    def at_most(quantity: str, values: Array, greatest: float | Array, unit: str) -> None:
         over = (values - greatest).reshape(len(time), -1).max(axis=1)
         worst = int(over.argmax())
         if np.isfinite(over[worst]):
             out.append(Excess(phase.name, quantity, float(time[worst]), float(over[worst]), unit))
 
-    def between(quantity: str, values: Array, pair: tuple[float, float], unit: str) -> None:
-        most(f"{quantity} (least)", -values, -pair[0], unit)
-        most(f"{quantity} (greatest)", values, pair[1], unit)
+    def within_range(quantity: str, values: Array, pair: tuple[float, float], unit: str) -> None:
+        at_most(f"{quantity} (least)", -values, -pair[0], unit)
+        at_most(f"{quantity} (greatest)", values, pair[1], unit)
 
-    between("height", fine.com[here, 2], limits.height, "m")
-    between("radius", fine.radii[here], limits.radius, "m")
-    most("radius_rate", np.abs(fine.radii_rates[here]), limits.radius_rate, "m/s")
+    within_range("height", fine.com[here, 2], limits.height, "m")
+    within_range("radius", fine.radii[here], limits.radius, "m")
+    at_most("radius_rate", np.abs(fine.radii_rates[here]), limits.radius_rate, "m/s")
     outward = np.abs(fine.radii_accelerations[here])
-    most("radius_acceleration", outward, limits.radius_acceleration, "m/s^2")
-    most("momentum", np.abs(fine.momentum[here]), limits.momentum, "kg m^2/s")
+    at_most("radius_acceleration", outward, limits.radius_acceleration, "m/s^2")
+    at_most("momentum", np.abs(fine.momentum[here]), limits.momentum, "kg m^2/s")
     duration = np.full(len(time), plan.durations[k])
-    between("duration", duration, phase.durations, "s")
+    within_range("duration", duration, phase.durations, "s")
     if phase.support is None:
         return out
     f, cop = fine.force[here], fine.cop[here]
     leg = fine.com[here] - np.column_stack((cop, np.zeros(len(cop))))
     length = np.linalg.norm(leg, axis=1)
-    between("leg_length", length, limits.leg_length, "m")
-    most("leg_push", -(leg * f).sum(axis=1) / length, 0.0, "N")
-    between("normal_force", f[:, 2], limits.normal_force, "N")
+    within_range("leg_length", length, limits.leg_length, "m")
+    at_most("leg_push", -(leg * f).sum(axis=1) / length, 0.0, "N")
+    within_range("normal_force", f[:, 2], limits.normal_force, "N")
     if np.isfinite(limits.friction):
-        most("friction", np.hypot(f[:, 0], f[:, 1]), limits.friction * f[:, 2], "N")
-    most("torsion", np.abs(fine.moment[here]), limits.torsion * f[:, 2], "N m")
-    most("force", np.linalg.norm(f, axis=1), limits.force, "N")
-    most("torque", np.linalg.norm(fine.momentum_rate[here], axis=1), limits.torque, "N m")
-    most("cop", -polygon_margin(phase.support, cop), 0.0, "m")
+        at_most("friction", np.hypot(f[:, 0], f[:, 1]), limits.friction * f[:, 2], "N")
+    at_most("torsion", np.abs(fine.moment[here]), limits.torsion * f[:, 2], "N m")
+    at_most("force", np.linalg.norm(f, axis=1), limits.force, "N")
+    at_most("torque", np.linalg.norm(fine.momentum_rate[here], axis=1), limits.torque, "N m")
+    at_most("cop", -polygon_margin(phase.support, cop), 0.0, "m")
     return out
 
 

@@ -41,10 +41,10 @@ _WARM: dict[str, Any] = {
     "ipopt.warm_start_slack_bound_frac": 1e-7,
     "ipopt.warm_start_mult_bound_push": 1e-7,
 }
-# Price of breaking a scaled row by one, against costs of order one.
-_PRICE = 1000.0
+# Cost of violating a scaled row by one, against costs of order one.
+_VIOLATION_COST = 1000.0
 _DIAGNOSIS = 120  # iterations
-_MOTION = 1e-3  # defect above which an attempt is no motion, SI
+_LARGEST_DEFECT = 1e-3  # defect above which an attempt is no motion, SI
 _SHOWN = 5  # violations in an error's message
 
 
@@ -164,14 +164,14 @@ def _search(
 def _failure(t: Transcription, status: str) -> PlanError:
     """Return the error, after a search for the least infeasible motion."""
     options = {"ipopt.max_iter": _DIAGNOSIS, "ipopt.print_level": 0}
-    softened = elastic(t.nlp, t.soft, _PRICE)
+    softened = elastic(t.nlp, t.soft, _VIOLATION_COST)
     nearest, _ = _search(t, softened, first_guess(t), None, options, process_time())
     seen = check(nearest)
     # Where even this search has not ended, its motion may not be one.
     unmet = [
         Excess("whole plan", f"equation of motion of {name}", nearest.duration, defect, "SI")
         for name, defect in seen.defects.items()
-        if defect > _MOTION
+        if defect > _LARGEST_DEFECT
     ]
     units = units_of(t.problem)
     # Newtons and metres are compared in the problem's units, not as bare numbers.

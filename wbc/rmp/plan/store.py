@@ -51,7 +51,7 @@ def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
     UnknownNameError
         A key that does not exist.
     """
-    return _made("plan", PlanProblem, data)
+    return _decoded("plan", PlanProblem, data)
 
 
 def save_plan(plan: Plan, path: str | Path) -> Path:
@@ -112,7 +112,7 @@ def load_plan(path: str | Path) -> Plan:
         )
     try:
         problem = problem_from_data(meta.get("problem", {}))
-        stats = _made("stats", Stats, meta.get("stats"))
+        stats = _decoded("stats", Stats, meta.get("stats"))
     except (UnknownNameError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InvalidInputError(f"{path}: is damaged: {error}") from error
     solution, at_variables, at_rows = arrays
@@ -123,7 +123,7 @@ def load_plan(path: str | Path) -> Plan:
     return Plan(problem, solution, (at_variables, at_rows), stats)
 
 
-def _made(what: str, cls: type[_Made], data: Any) -> _Made:
+def _decoded(what: str, cls: type[_Made], data: Any) -> _Made:
     """Return an object of a dataclass from its fields as plain data."""
     given = _mapping(what, data)
     own = {each.name: each for each in fields(cls) if each.init}  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def _pendulum(data: Any) -> Pendulum:
     kind = body.pop("kind", "solid")
     if kind not in _PENDULUMS:
         raise UnknownNameError("pendulum kind", str(kind), _PENDULUMS)
-    return _made("pendulum", _PENDULUMS[kind], body)
+    return _decoded("pendulum", _PENDULUMS[kind], body)
 
 
 def _schedule(data: Any) -> tuple[PlanPhase, ...]:
@@ -152,7 +152,7 @@ def _schedule(data: Any) -> tuple[PlanPhase, ...]:
     for phase in phases:
         if phase.get("limits") is None:
             phase.pop("limits", None)
-    return tuple(_made(f"phase {phase['name']!r}", PlanPhase, phase) for phase in phases)
+    return tuple(_decoded(f"phase {phase['name']!r}", PlanPhase, phase) for phase in phases)
 
 
 def _limits(data: Any) -> PathLimits:
@@ -163,13 +163,13 @@ def _limits(data: Any) -> PathLimits:
         name: tuple(map(number, value)) if isinstance(value, list | tuple) else number(value)
         for name, value in _mapping("limits", data).items()
     }
-    return _made("limits", PathLimits, given)
+    return _decoded("limits", PathLimits, given)
 
 
 # What turns plain data into the value of a field, by the field's name, where they differ.
 _DECODERS: dict[str, Callable[[Any], Any]] = {
-    **{name: partial(_made, name, State) for name in ("start", "goal", "nominal", "end")},
-    "weights": partial(_made, "weights", Weights),
+    **{name: partial(_decoded, name, State) for name in ("start", "goal", "nominal", "end")},
+    "weights": partial(_decoded, "weights", Weights),
     "limits": _limits,
     "pendulum": _pendulum,
     "schedule": _schedule,
