@@ -1,11 +1,11 @@
-"""Campaigns that are killed, and what a run costs beside its own work.
+"""Campaigns that are killed, and a run's overhead.
 
 First a campaign of cheap runs in two processes, killed by SIGKILL again and again until it is
-through: it must end with every run exactly once. Then the same on a Dask cluster of two workers,
-one of which is killed, and the campaign itself once. Then the rate with one process, two, and so
-on up to ``--workers``, from which the time of a large campaign on many workers is extrapolated: on
-W workers N runs of t seconds take about N max((t + o) / W, s), where o is what a worker spends
-between runs, and s what this process spends on each row.
+complete: it must end with every run exactly once. Then the same on a Dask cluster of two workers,
+one of which is killed, and the campaign itself once. Then the rate with one process, two, and so on
+up to ``--workers``, from which the time of a large campaign on many workers is extrapolated: on W
+workers N runs of t seconds take about N max((t + o) / W, s), where o is a worker's time between
+runs, and s this process's time for each row.
 
     python benchmarks/campaign.py [--runs 1000] [--kills 3] [--workers 2]
     python benchmarks/campaign.py --only scaling --output benchmarks/RESULTS.md
@@ -32,7 +32,7 @@ from wbc.batch.row import Row, run_row
 from wbc.journal import Journal
 
 COMMAND = "python benchmarks/campaign.py --only scaling --output benchmarks/RESULTS.md"
-LOOK = 0.05  # s between looks at the rows there are
+LOOK = 0.05  # s between checks of the rows
 STAND = """\
 robot: hoap2_like
 support: double
@@ -57,7 +57,7 @@ def lines(path: Path) -> int:
 
 
 def wait_for_rows(kept: Path, count: int, running: subprocess.Popen[Any]) -> None:
-    """Wait until a file has so many lines, or the campaign that writes it has ended."""
+    """Wait until a file has this many lines, or the campaign that writes it has ended."""
     while lines(kept) < count:
         with suppress(subprocess.TimeoutExpired):
             running.wait(LOOK)
@@ -65,7 +65,7 @@ def wait_for_rows(kept: Path, count: int, running: subprocess.Popen[Any]) -> Non
 
 
 def run_killed(file: Path, runs: int, kills: int, *options: str) -> Path:
-    """Run a campaign from the command line, killed evenly on the way; return its table."""
+    """Run a campaign from the command line with evenly spaced kills; return its table."""
     table = file.with_suffix(".parquet")
     kept = table.with_name(table.name + ".partial")
     command = [sys.executable, "-m", "wbc", "batch", str(file), *options]
@@ -89,7 +89,7 @@ def check(table: Path, runs: int) -> None:
 
 
 def on_cluster(file: Path, runs: int) -> Path:
-    """Run a campaign on two workers; kill one, and the campaign, on the way."""
+    """Run a campaign on two workers; kill one, and the campaign, during it."""
     from distributed import LocalCluster
 
     table = file.with_suffix(".parquet")
@@ -112,7 +112,7 @@ def on_cluster(file: Path, runs: int) -> Path:
 
 
 def scaling(folder: Path, file: Path, most: int) -> str:
-    """Return the rate by the number of processes, and what this process spends on a row."""
+    """Return the rate by the number of processes, and this process's time per row."""
     campaign = load_campaign(file)
     text = campaign.texts["stand"]
     cpu = []

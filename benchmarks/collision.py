@@ -1,10 +1,10 @@
-"""Margins between bodies: are they kept, at what price, and without trembling?
+"""Margins between bodies: are they kept, at what cost, and without chattering?
 
 1. Random ticks as in ``random_ticks.py`` (targets mostly out of reach, every support) with the
    robot's own bodies kept apart. Every pair of bodies is measured after every tick, not only the
    nearest that have rows.
 2. Time of a tick of ``tick.py``'s job with and without, in turns.
-3. Hands pressed against the body: a command that trembles would change its sign.
+3. Hands pressed against the body: a chattering command would change its sign.
 
     python benchmarks/collision.py [--ticks 100000] [--robots g1 talos] [--braking bounded]
 """
@@ -37,7 +37,7 @@ PAIRS = 25
 
 @dataclass
 class Record:
-    """What was seen over all ticks of one robot and support."""
+    """Observations over all ticks of one robot and support."""
 
     ticks: int = 0
     near: int = 0  # ticks after which a pair was within a millimetre of its margin
@@ -59,7 +59,7 @@ class Record:
 
 
 def clearances(margins: SelfCollision, snapshot: Snapshot) -> np.ndarray:
-    """Return how far each pair is outside its margin [m]; some stand nearer and keep less."""
+    """Return how far each pair is outside its margin [m]; close standing pairs have less."""
     return margins.model.nearest(snapshot).distance - margins.margins
 
 
@@ -149,7 +149,7 @@ def random_ticks(options: argparse.Namespace) -> None:
 
 
 def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
-    """Return margins for all pairs, or for the 25 that are nearest when standing and no others.
+    """Return margins for all pairs, or only for the 25 that are nearest when standing.
 
     Those that stand too near to keep the margin are not among the 25: they would be pushed apart.
     """
@@ -165,7 +165,7 @@ def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
 
 
 def times(solver: str, ticks: int) -> None:
-    """Take turns at the tick benchmark's job with and without margins; medians in CPU time."""
+    """Time the tick benchmark's job with and without margins in turns; medians in CPU time."""
     robot = Robot.load("g1")
     bare = job.make_run(robot, solver, "equality")
     bare.label = "none"
@@ -242,7 +242,7 @@ def pressed(solver: str) -> None:
         rates = np.array(history)
         strong = np.minimum(np.abs(rates[1:]), np.abs(rates[:-1])) > 1e-3
         turns = (rates[1:] * rates[:-1] < 0.0) & strong
-        # A joint that turns back twice within ten ticks trembles.
+        # A joint that reverses twice within ten ticks chatters.
         recent = np.cumsum(np.vstack((np.zeros_like(rates[:1]), turns)), axis=0)
         trembles = int((recent[10:] - recent[:-10] > 1).any(axis=1).sum())
         late = float(np.abs(rates[-300:]).max())

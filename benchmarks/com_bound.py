@@ -1,13 +1,13 @@
-"""How well a CoM can follow the human's where ground and soles allow: by convex programs.
+"""How well a CoM can follow the human's within the limits of ground and soles: convex programs.
 
-Independent of how motions are made: over all ways of a CoM in the plane, at the human's scaled
+Independent of the motion's generation: over all paths of a CoM in the plane, at the human's scaled
 height and with the human's scaled angular momentum, whose CoP
 
     p = c - h/(g + z'') c'' + n x k'/(m (g + z''))
 
-is within the soles that stand (and 1 mm of them), the one whose x, or y, correlates best with the
+is within the standing soles (and 1 mm of them), the one whose x, or y, correlates best with the
 human's. A correlation is the cosine of an angle, so it is that of the least squares |c - s h|^2 for
-some s. In the air, and where the ground hardly pushes, nothing is asked.
+some s. There is no constraint in the air, or where the ground hardly pushes.
 """
 
 import clarabel
@@ -66,7 +66,7 @@ def _constraints(found: wbc.Retargeted) -> tuple[sparse.csc_matrix, np.ndarray]:
 def _followed(
     wanted: np.ndarray, axis: int, size: float, rows: sparse.csc_matrix, most: np.ndarray
 ) -> float:
-    """Return the correlation of one axis of the way nearest to ``size`` times the human's."""
+    """Return the correlation of one axis of the path nearest to ``size`` times the human's."""
     count = len(wanted)
     weights = np.full((2, 1), OTHER)
     weights[axis] = 1.0

@@ -1,19 +1,18 @@
-"""What angular momentum and inertia are worth in standing: let go, regulated, and as planned.
+"""The effect of angular momentum and inertia tasks in standing: free, regulated, as planned.
 
-A G1 is pushed, three times by the same tasks but for what these say of angular momentum and
-inertia; for walks see walk_comparison.py:
+A G1 is pushed, three times with the same tasks except those about angular momentum and inertia; for
+walks see walk_comparison.py:
 
 free         no task about either;
-regulated    angular momentum to zero and the inertia to that at the start, as firmly as the CoM is
-             led, or so many times as firmly ("--firmness"): pushes are left to the ankles;
-planned      as the file that ships has it: pushes may spend angular momentum up to the trunk's
-             range and get it back.
+regulated    angular momentum to zero and the inertia to that at the start, as firmly as the CoM, or
+             by another factor ("--firmness"): pushes are left to the ankles;
+planned      as the shipped file has it: pushes may use angular momentum up to the trunk's range.
 
-Told are the pushes survived (`problems/push_g1.yaml`).
+It reports the pushes survived (`problems/push_g1.yaml`).
 
     python benchmarks/comparison.py [--output comparison.json]
 
-An output that exists keeps what is not measured anew.
+An existing output keeps values that are not measured again.
 """
 
 import os
@@ -40,7 +39,7 @@ VARIANTS = ("free", "regulated", "planned")
 
 
 def standing_tasks(robot: wbc.Robot, height: float, firmness: float) -> dict[str, dict[str, Any]]:
-    """Return what replaces values of the problem file, by variant.
+    """Return the overrides of the problem file, by variant.
 
     ``firmness``: of what is regulated, by that of the CoM.
     """

@@ -1,4 +1,4 @@
-"""Conflicts judged by a solver that shares nothing with those that name them: HiGHS."""
+"""Conflicts checked by an independent solver, HiGHS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MET = 1e-12  # of a row, by what it is made of: what rounding leaves
 
 
 def worst_miss(qp: QP, reach: float = REACH) -> float:
-    """Return by how much rows must be missed: the largest, of unit length, within the bounds.
+    """Return the least possible maximal violation of the rows, of unit length, within bounds.
 
     By HiGHS; so no verdict hangs on what it takes for 0. Bounds give way as rows do.
 
@@ -56,12 +56,12 @@ def worst_miss(qp: QP, reach: float = REACH) -> float:
 
 
 def can_hold(qp: QP) -> bool:
-    """Whether some point meets all rows and bounds, to rounding."""
+    """Whether some point satisfies all rows and bounds, to rounding."""
     return worst_miss(qp) <= HELD
 
 
 def _least_misses(qp: QP, enough: float) -> Iterator[float]:
-    """Yield by how much rows must be missed within more and more, until it is little enough."""
+    """Yield the least violation within growing bounds, until it is small enough."""
     for reach in REACHES:
         miss = worst_miss(qp, reach)
         yield miss
@@ -70,7 +70,7 @@ def _least_misses(qp: QP, enough: float) -> Iterator[float]:
 
 
 def has_a_point(qp: QP) -> bool:
-    """Whether the least-norm point that meets all ends of rows and bounds with equality is one.
+    """Whether the least-norm point of all ends of rows and bounds as equalities is feasible.
 
     Rows without one of them need not be asked of a linear program where this says yes.
     """
@@ -86,7 +86,7 @@ def has_a_point(qp: QP) -> bool:
 
 
 def only(qp: QP, rows: list[ConflictRow]) -> QP:
-    """Return the QP with the sides of rows and bounds that are named, and no others."""
+    """Return the QP with only the named sides of rows and bounds."""
     names = qp.labels
     low, up = np.full(qp.u.size, -np.inf), np.full(qp.u.size, np.inf)
     lower, upper = np.full(qp.g.size, -np.inf), np.full(qp.g.size, np.inf)
@@ -110,7 +110,7 @@ def only(qp: QP, rows: list[ConflictRow]) -> QP:
 
 
 def blamed_in_vain(qp: QP, conflict: Conflict) -> list[str]:
-    """Return what is wrong with a conflict; nothing: it is one, and needs each of its rows.
+    """Return the error of a named conflict; nothing if it is one, and needs each of its rows.
 
     Without a row the others must be met by far better than with it, in rows of unit length.
     """

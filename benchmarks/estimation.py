@@ -1,21 +1,21 @@
 """How good, how consistent and how fast the state estimator is.
 
-``nis``: in a world that is as the filter has it (:mod:`swaying_base`), 1000 runs of 400 corrections
-by two feet: in how many the normalised innovation squared is within its 95 % bounds of chi-square
-(of 100 runs alone it is 95 +- 2 by chance), and how far biases still are from the truth.
+``nis``: in a world that matches the filter's model (:mod:`swaying_base`), 1000 runs of 400
+corrections by two feet: how many have a normalised innovation squared within its 95 % bounds of
+chi-square (of 100 runs alone it is 95 +- 2 by chance), and the remaining errors of the biases.
 
-``plain``: the same world, begun 20 degrees of tilt (one deviation, each
-axis), 5 degrees of heading and 0.5 m/s wrong, by the
-invariant filter and by a plain one (:mod:`plain_filter`): errors in the first second and after, and
-in how many runs the heading is wrong by more than twice the deviation that the filter says.
+``plain``: the same world, from a start wrong by 20 degrees of tilt (one deviation, each axis), 5
+degrees of heading and 0.5 m/s, by the invariant filter and by a plain one (:mod:`plain_filter`):
+errors in the first second and after, and in how many runs the heading's error exceeds twice the
+deviation stated by the filter.
 
-``walk``: a G1 in MuJoCo walks at 1.0 m/s for 20 steps, its masses wrong by up to 10 %, on its
-estimated state alone: an IMU in the pelvis, encoders, motor torques; no foot forces.
+``walk``: a G1 in MuJoCo walks at 1.0 m/s for 20 steps on its estimated state alone, its masses
+wrong by up to 10 %: an IMU in the pelvis, encoders, motor torques; no foot forces.
 
-``slip``: a G1 stands, and a hip takes its foot 2 cm aside in 25 to 250 ms: what the estimate
-of position and velocity is off by, in deviations that it says itself, too.
+``slip``: a G1 stands, and a hip moves its foot 2 cm sideways in 25 to 250 ms: errors of the
+estimated position and velocity, also in standard deviations stated by the filter.
 
-``rate``: messages of such a walk, again through an estimator, in this thread's CPU time.
+``rate``: messages of such a walk through a second estimator, in this thread's CPU time.
 
     python benchmarks/estimation.py JOURNAL.jsonl [--only nis plain walk slip rate] [--seeds 10]
 """
@@ -65,7 +65,7 @@ def begun(start: Start) -> ContactFilter:
 
 
 def consistency(seed: int) -> dict[str, Any]:
-    """NIS of a run against its 95 % bounds, and biases against their deviations."""
+    """NIS of a run against its 95 % bounds, and errors of biases against their deviations."""
     start, moments = swaying(seed, CORRECTIONS, 1.5)
     f, total = begun(start), 0.0
     for now in moments:
@@ -85,7 +85,7 @@ def consistency(seed: int) -> dict[str, Any]:
 
 
 def beside_plain(seed: int) -> dict[str, Any]:
-    """Errors of both filters from a start that is far off."""
+    """Errors of both filters from a large initial error."""
     start, moments = swaying(1000 + seed, 1000, 1.0, FAR_OFF)
     f = begun(start)
     plain = PlainFilter(NOISE, start.R, start.v, start.p, start.covariance)
@@ -116,7 +116,7 @@ def beside_plain(seed: int) -> dict[str, Any]:
 
 
 def walked(seed: int, keep: list[Measurement] | None = None, steps: int = WALKED) -> dict[str, Any]:
-    """Walk on the estimated state; with ``keep`` messages go there, too."""
+    """Walk on the estimated state; ``keep`` collects the messages, if given."""
     robot = robot_named("g1")
     plant = sensed_plant_of(robot, seed, Terrain(), robot.posture("standing"))
     if keep is not None:
@@ -153,7 +153,7 @@ def walked(seed: int, keep: list[Measurement] | None = None, steps: int = WALKED
 
 
 def slipped(seed: int) -> dict[str, Any]:
-    """Take a foot 2 cm aside while the base stands, in a time by the seed."""
+    """Move a foot 2 cm sideways while the base stands, with a duration by the seed."""
     robot, rng = robot_named("g1"), np.random.default_rng(seed)
     q, time = robot.posture("standing"), float(np.geomspace(0.025, 0.25, 10)[seed % 10])
     side = ("left", "right")[seed % 2]
@@ -187,7 +187,7 @@ def slipped(seed: int) -> dict[str, Any]:
 
 
 def rate(seed: int) -> dict[str, Any]:
-    """Samples a second through an estimator, the best of three times: others use the machine."""
+    """Samples a second through an estimator, the best of three, since others use the machine."""
     sent: list[Measurement] = []
     walked(seed, sent, 8)
     robot, best = robot_named("g1"), {}
@@ -206,7 +206,7 @@ def rate(seed: int) -> dict[str, Any]:
 
 
 def measured(groups: list[str], seeds: int) -> Iterator[tuple[str, int, Any]]:
-    """Yield groups, seeds and what measures them."""
+    """Yield groups, seeds and their measurements."""
     made = {
         "nis": (consistency, RUNS),
         "plain": (beside_plain, 20),
@@ -221,7 +221,7 @@ def measured(groups: list[str], seeds: int) -> Iterator[tuple[str, int, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return what came of it, in words."""
+    """Return the results in words."""
     by = {group: [row for row in rows if row["group"] == group] for group in GROUPS}
     lines = []
     if found := by["nis"]:

@@ -1,4 +1,4 @@
-"""Robot files read a second time, by readers that share nothing with the package's.
+"""A second reading of robot files, by readers that share nothing with the package's.
 
 A URDF is read here, from its XML, into NumPy: poses of links and the mass matrix of the joints by
 the links' Jacobians. An MJCF is what MuJoCo compiles. Both are asked for the same joint positions
@@ -24,7 +24,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 
 class Reading(Protocol):
-    """What another reader makes of a file."""
+    """A file as read by another reader."""
 
     mass: float
     ranges: Mapping[str, tuple[float, float]]  # of the joints that have one
@@ -56,7 +56,7 @@ class Disagreement(NamedTuple):
 
 
 def compare(robot: Robot, other: Reading, seed: int, postures: int = 3) -> Disagreement:
-    """Return by how much a robot is another one than what the other reader says."""
+    """Return the differences between a robot and the other reader's model."""
     rng, limits = np.random.default_rng(seed), robot.limits
     lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
     frames = matrix = 0.0
@@ -239,7 +239,7 @@ def _moved(joint: _Joint, value: float) -> Array:
 
 
 def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
-    """Return MuJoCo's specification of a file that compiles, and what it is without, in words.
+    """Return MuJoCo's specification of a file that compiles, and what was removed, in words.
 
     Meshes whose files are missing are left out with all meshes, and attributes of older files that
     MuJoCo knows no more.

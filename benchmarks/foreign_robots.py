@@ -1,24 +1,24 @@
-"""Robot files of others: what loads, agrees with another reader, stands, is pushed, and walks.
+"""Third-party robot files: which load, agree with another reader, stand, take a push, and walk.
 
 For each URDF and MJCF in a folder, duplicates left out, in a process of its own:
 
 - it is loaded, or refused with a reason; anything but a typed error counts as a fault;
-- frames, masses, mass matrix and ranges are compared at three random postures: of a URDF with a
-  reader in NumPy, of an MJCF with what MuJoCo compiles;
-- robots with feet stand for 3 s, pushed ahead by 0.3 M omega d, in our plant and, of an MJCF, in
-  the file's own model under raw MuJoCo;
-- humanoids with soles walk two metres at a Froude number of 0.01, or as fast as the walker says
-  that their legs can, with default settings.
+- frames, masses, mass matrix and ranges are compared at three random postures: for a URDF with a
+  reader in NumPy, for an MJCF with the model that MuJoCo compiles;
+- robots with feet stand for 3 s and are pushed ahead by 0.3 M omega d, in our plant and, for an
+  MJCF, in the file's own model under raw MuJoCo;
+- humanoids with soles walk two metres at a Froude number of 0.01, or at the fastest speed that the
+  walker admits, with default settings.
 
-Every file is a line of the journal, and what is there already is not tried again, but for what
-``--again`` names; how many lines are of other code of this package is said in the end. Files
-without joints that move, and scenes (an include and no body of their own), are passed over.
+Every file is a line of the journal, and is not tried twice, except for parts named by ``--again``.
+The report counts lines of other code of this package. Files without moving joints, and scenes (an
+include and no body of their own), are skipped.
 
     python benchmarks/foreign_robots.py FOLDER JOURNAL.jsonl [--only PART ...] [--skip PART ...]
         [--again PART ...] [--files LIST.txt] [--limit 240] [--workers 2]
         [--report | --output benchmarks/RESULTS.md]
 
-The first folder of a file's path counts as its source. ``--report`` tells what a journal holds.
+The first folder of a file's path counts as its source. ``--report`` prints a journal's results.
 """
 
 import os
@@ -81,7 +81,7 @@ def _is_robot(suffix: str, content: bytes) -> bool:
 
 
 def examined(path: Path) -> dict[str, Any]:
-    """Return what came of a file, as plain data."""
+    """Return the results of a file, as plain data."""
     began = time.perf_counter()
     found: dict[str, Any] = {}
     try:
@@ -105,7 +105,7 @@ def examined(path: Path) -> dict[str, Any]:
 
 
 def in_a_process(path: Path, limit: float) -> dict[str, Any]:
-    """Return what came of a file in a process of its own, which may take ``limit`` seconds."""
+    """Return the results of a file from its own process, which may take ``limit`` seconds."""
     command = [sys.executable, __file__, "--one", str(path)]
     try:
         ended = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
@@ -119,7 +119,7 @@ def in_a_process(path: Path, limit: float) -> dict[str, Any]:
 
 
 def one(path: Path) -> None:
-    """Examine a file and print a line of JSON; what is not expected is a fault, with its place."""
+    """Examine a file and print a line of JSON; an unexpected error is a fault, with its place."""
     logging.disable(logging.WARNING)
     try:
         found = examined(path)
@@ -130,7 +130,7 @@ def one(path: Path) -> None:
     print(json.dumps(found, default=float))
 
 
-# ---------------------------------------------------------------------- what is told
+# ---------------------------------------------------------------------- reports
 
 
 def verdicts(entry: dict[str, Any]) -> dict[str, str]:
@@ -164,7 +164,7 @@ def _said(trial: dict[str, Any] | None, key: str) -> str:
 
 
 def summary(entries: Sequence[dict[str, Any]], code: str) -> list[str]:
-    """Return what all came to, of which code is the present one."""
+    """Return the totals, including how many lines are of the present code."""
     loaded = [entry for entry in entries if "joints" in entry]
     worst = [max(v for k, v in e["differs"].items() if k != "compared")
              for e in loaded if "differs" in e]  # fmt: skip

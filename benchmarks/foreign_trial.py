@@ -1,4 +1,4 @@
-"""One robot of others: stands, is pushed, walks, in our plant and in its own model.
+"""Trials of a third-party robot: it stands, is pushed, and walks, in our plant and in its model.
 
 With default gains: CoM, trunk and posture tasks on all feet, limits of joints, torques within the
 efforts of the file.
@@ -31,7 +31,7 @@ AWAY = np.array((1.0, 0.0, 0.0))
 
 
 def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
-    """Return what lets a robot stand where it is."""
+    """Return a controller that keeps a robot standing."""
     start = robot.snapshot(robot.posture())
     tasks = [
         wbc.ComTask(robot, start.com),
@@ -45,7 +45,7 @@ def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
 
 
 def standing(robot: Robot) -> dict[str, Any]:
-    """Return whether it stands and takes the push in our plant, and how."""
+    """Return whether it stands and survives the push in our plant, and how."""
     if robot.fixed_base or not robot.feet:
         return {"stood": None, "why": "fixed base" if robot.fixed_base else "no feet"}
     if not is_standing(robot.model, robot.posture(), robot.feet):
@@ -67,7 +67,7 @@ def standing(robot: Robot) -> dict[str, Any]:
 
 
 def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
-    """Return the same in the file's own model by raw MuJoCo, its contacts and all."""
+    """Return the same in the file's own model by raw MuJoCo, with its contacts."""
     import mujoco
 
     try:
@@ -101,7 +101,7 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
 
 
 def _touch(model: Any, link: str) -> bool:
-    """Whether a body, or what is fixed to it, has a shape left that touches."""
+    """Whether a body, or a body fixed to it, still has a colliding shape."""
     body = model.body(link).id
     fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]
     mine = np.isin(model.geom_bodyid, fixed)
@@ -239,7 +239,7 @@ def walking(robot: Robot) -> dict[str, Any]:
 
 
 def tried(path: Path, robot: Robot) -> dict[str, Any]:
-    """Return what came of all trials; what refuses is named."""
+    """Return the results of all trials; refusals are named."""
     found: dict[str, Any] = {}
     trials = [("plant", lambda: standing(robot)), ("walk", lambda: walking(robot))]
     if path.suffix == ".xml":

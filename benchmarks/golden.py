@@ -1,22 +1,22 @@
-"""A golden file: what every tick answers, recorded by one code and compared by a later one.
+"""A golden file: the answer of every tick, recorded by one code and compared by a later one.
 
     python benchmarks/golden.py record FILE [--ticks 20000]
     python benchmarks/golden.py compare FILE [--only plain "two priorities"] [--solver NAME]
     python benchmarks/golden.py show FILE EPISODE TICK     # the two answers of one tick
 
 Six robots, both levels, and the categories of golden_categories.py: episodes of random tasks, half
-of them out of reach. States are recorded, too: those of a closed loop, thrown off its way now and
-then, so that limits, margins and priorities act. A later code gets the same states, whatever it
-answers, and is compared tick by tick; only the memory of an episode's controller (warm starts, last
-forces) is its own. Where a tick raises, its error's name is what is compared.
+of them out of reach. States are recorded, too: those of a closed loop, with jumps to other states
+now and then, so that limits, margins and priorities act. A later code gets the same states,
+whatever it answers, and is compared tick by tick; only the memory of an episode's controller (warm
+starts, last forces) is its own. If a tick raises, the error's name is compared.
 
-`compare` prints by category: ticks, the largest difference of a velocity [m/s, rad/s] and of a
-torque (by the largest of that tick, or 1 N m), the same of the optima of the QPs that were posed
-(answers refined at their active sets: solvers stop short of them), how far answers are off these
-optima, before and now, how many answers are the same to the bit, and how many statuses, policies
-and scales of steps differ. It exits with 1 if a status is another, if an answer differs by more
-than the tolerance of its category and what both are off their optima, or if a category's answers
-are off by more than ten times what they were, and the tolerance.
+`compare` prints by category: ticks; the largest difference of a velocity [m/s, rad/s] and of a
+torque (relative to the largest of that tick, or 1 N m); the same for the optima of the posed QPs
+(answers refined at their active sets, since solvers stop short of them); the distance of answers
+from these optima, before and now; how many answers are bitwise equal; and how many statuses,
+policies and step scales differ. It exits with 1 if a status differs, if an answer differs by more
+than the tolerance of its category and the distances from the optima, or if a category's answers are
+off by more than ten times what they were, and the tolerance.
 """
 
 import os
@@ -54,7 +54,7 @@ def robot_named(name: str) -> wbc.Robot:
 
 
 def cells() -> list[tuple[str, str, str]]:
-    """Robot, category and level of all that is recorded."""
+    """Robot, category and level of every recorded episode."""
     return [
         (robot, category, level)
         for robot in ROBOTS
@@ -85,13 +85,13 @@ def recorded(
 
 
 def states(found: list[dict[str, Any]]) -> Iterator[tuple[Array, Array]]:
-    """Yield the state that was appended last."""
+    """Yield the last appended state."""
     while True:
         yield found[-1]["q"], found[-1]["v"]
 
 
 def record(path: Path, ticks: int, seed: int) -> None:
-    """Write a file of so many ticks, or a few more."""
+    """Write a file of at least this many ticks."""
     every = cells()
     share = -(-ticks // len(every))
     parts = -(-share // LENGTH)
@@ -121,7 +121,7 @@ def record(path: Path, ticks: int, seed: int) -> None:
 
 @dataclass
 class Golden:
-    """A file that was read: episodes, and the rows of each one's ticks."""
+    """A loaded file: episodes, and the rows of each one's ticks."""
 
     episodes: list[Episode]
     rows: list[dict[str, Array]]
@@ -148,14 +148,14 @@ class Golden:
         return cls(header["episodes"], rows)
 
     def answers(self, k: int, solver: str | None) -> Iterator[dict[str, Any]]:
-        """Yield what this code answers in an episode."""
+        """Yield this code's answers in an episode."""
         episode, own = self.episodes[k], self.rows[k]
         replay = Replay(robot_named(episode["robot"]), episode, solver)
         yield from replayed(replay, zip(own["q"], own["v"], strict=True))
 
 
 def apart(one: dict[str, Any], other: dict[str, Any], *kinds: str) -> tuple[float, float]:
-    """Return how far velocities and torques are apart, of two kinds; 0 for what is not there."""
+    """Return the differences of velocities and torques, of two kinds; 0 for missing ones."""
     found = []
     for name in ("velocity", "torque"):
         a, b = (each.get(kind + name) for each, kind in zip((one, other), kinds, strict=True))
@@ -169,7 +169,7 @@ def apart(one: dict[str, Any], other: dict[str, Any], *kinds: str) -> tuple[floa
 
 @dataclass
 class Difference:
-    """What differs in the ticks of a category and level."""
+    """The differences in the ticks of a category and level."""
 
     tolerance: float
     ticks: int = 0
@@ -210,7 +210,7 @@ class Difference:
 
 
 def compare(path: Path, only: list[str], robots: list[str], solver: str | None) -> int:
-    """Print what differs; return the exit code."""
+    """Print the differences; return the exit code."""
     golden, found, order = Golden.read(path), {}, [*CATEGORIES]
     for k in range(len(golden.episodes)):
         episode, own = golden.episodes[k], golden.rows[k]

@@ -1,4 +1,4 @@
-"""What the ticks of the golden file are about: random episodes of each category, by seed."""
+"""Categories of the golden file's ticks: random episodes of each category, by seed."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,7 +17,7 @@ Make = Callable[["Draft"], None]
 
 
 class Draft:
-    """An episode in the making: a plain one, which a category changes.
+    """A plain episode, which a category changes.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Draft:
 
     @property
     def level(self) -> str:
-        """Which controller it is for."""
+        """The controller's level."""
         return self.episode["level"]
 
     def frames(self, count: int) -> list[str]:
@@ -73,7 +73,7 @@ class Draft:
         )
 
     def stand(self, tick: int, mode: str, **friction: float) -> None:
-        """Stand on some feet from a tick on, where these are when standing."""
+        """Stand on some feet from a tick on, at their standing poses."""
         friction = {"coefficient": 0.6, **friction}
         held = [
             {
@@ -132,7 +132,7 @@ class Draft:
 
 
 def near_standing(robot: wbc.Robot, level: str, rng: np.random.Generator) -> Array:
-    """Return a posture to begin with, of soles that are nearly level where these must bear."""
+    """Return a starting posture, with nearly level soles if these bear load."""
     size = 10.0 ** (rng.uniform(-2.0, -0.7) if level == "velocity" else rng.uniform(-3.0, -1.5))
     step = np.concatenate((np.zeros(6), size * rng.normal(size=robot.nv - 6)))
     return robot.limits.clamped(robot.integrate(robot.posture("standing"), step, 1.0))
@@ -289,7 +289,7 @@ def weighed(draft: Draft) -> None:
 
 
 def exactly(make: Make) -> Make:
-    """The same by a solver that goes to the optimum: levels pass on what a solver leaves."""
+    """The same by an exact solver: levels pass on what a solver leaves."""
 
     def made(draft: Draft) -> None:
         draft.episode["options"]["solver"] = "daqp"
@@ -336,7 +336,7 @@ def draft(robot: wbc.Robot, category: str, level: str, rng: np.random.Generator)
 
 
 def thrown(draft: Draft, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return another state: the robot thrown off its way, or put somewhere else."""
+    """Return another state: the robot perturbed, or put somewhere else."""
     robot, rng = draft.robot, draft.rng
     if rng.random() < 0.5:
         q = draft.here.q

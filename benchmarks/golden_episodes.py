@@ -1,4 +1,4 @@
-"""Episodes of the golden file: what a controller is made of, as plain data, and how it is made.
+"""Episodes of the golden file: a controller's parts as plain data, and their construction.
 
 An episode is a dictionary of numbers and words, so that a file holds all of it and no later code
 can understand another target than the one that was recorded:
@@ -82,14 +82,14 @@ class Replay:
         )
 
     def step(self, tick: int, q: Array, v: Array) -> wbc.Tick:
-        """Return the answer at a state, all ticks before it having been made."""
+        """Return the answer at a state, after all earlier ticks were made."""
         if tick and tick in self._contacts:
             self.controller.set_contacts(self._contacts[tick])
         return self.controller.step(self.robot.snapshot(q, v))
 
 
 def task_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Task:
-    """Return a task of its description."""
+    """Return a task from its description."""
     task = _class(one["kind"])(robot, **one["arguments"])
     if one.get("motion"):
         task.set_target(**one["motion"])
@@ -97,7 +97,7 @@ def task_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Task:
 
 
 def contact_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Contact:
-    """Return a contact of its description."""
+    """Return a contact from its description."""
     friction = one["friction"]
     cone = None if friction is None else wbc.FrictionCone(**friction)
     place = one["position"], one["rotation"]
@@ -105,7 +105,7 @@ def contact_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Contact:
 
 
 def constraint_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Constraint:
-    """Return a constraint of its description."""
+    """Return a constraint from its description."""
     if one["kind"] == "SelfCollision":
         return self_collision(robot)
     return _class(one["kind"])(robot, **one["arguments"])
@@ -113,13 +113,13 @@ def constraint_of(robot: wbc.Robot, one: Mapping[str, Any]) -> wbc.Constraint:
 
 @cache
 def self_collision(robot: wbc.Robot) -> wbc.SelfCollision:
-    """Return the margins between a robot's bodies: seconds of work, and nothing that changes."""
+    """Return the margins between a robot's bodies, cached: building them takes seconds."""
     return wbc.SelfCollision(robot, limits=wbc.Limits(robot))
 
 
 @cache
 def solver_known(name: str) -> str:
-    """Return the name by which this code knows a solver."""
+    """Return this code's name of a solver."""
     for known in SUCCESSORS.get(name, (name,)):
         try:
             wbc.KinematicController(_ANY, [wbc.DampingTask(_ANY)], contacts=(), solver=known)
@@ -130,7 +130,7 @@ def solver_known(name: str) -> str:
 
 
 def replayed(replay: Replay, states: Iterator[tuple[Array, Array]]) -> Iterator[dict[str, Any]]:
-    """Yield what a controller answers at given states; what it raises is an answer, too."""
+    """Yield a controller's answers at given states; an exception is an answer, too."""
     for k, (q, v) in enumerate(states):
         try:
             tick = replay.step(k, q, v)
@@ -140,7 +140,7 @@ def replayed(replay: Replay, states: Iterator[tuple[Array, Array]]) -> Iterator[
 
 
 def answer_of(tick: wbc.Tick, optimum: Mapping[str, Array] | None) -> dict[str, Any]:
-    """Return what the file keeps of a tick."""
+    """Return the fields of a tick that the file keeps."""
     found = {
         "velocity": tick.velocity,
         "status": str(tick.status.value),

@@ -1,7 +1,7 @@
-"""How far a tick's answer is from the optimum of the QP that it says it solved.
+"""The distance of a tick's answer from the optimum of the QP that it claims to have solved.
 
 Solvers stop at residuals that are small, not zero: ProxQP's and DAQP's answers to one QP differ by
-1e-9 to 1e-5 in velocities and torques. What two codes pose can be compared closer than that.
+1e-9 to 1e-5 in velocities and torques. The optima of the posed QPs can be compared more closely.
 """
 
 from typing import Any

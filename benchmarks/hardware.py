@@ -1,14 +1,14 @@
-"""Two processes over loopback: a G1 stands up, walks, is pushed and sits down; and who is killed.
+"""Two processes over loopback: a G1 stands up, walks, is pushed and sits down; with faults.
 
     python benchmarks/hardware.py                          # all, over DDS (extra unitree)
     python benchmarks/hardware.py walk --seconds 60 --bus udp
     python benchmarks/hardware.py killed stopped starved gone --repeat 5
     python benchmarks/hardware.py walk --slower 8          # slow motion, on a machine that is busy
 
-``walk``: on estimated state alone. ``killed``, ``stopped``: how long after SIGKILL, SIGSTOP to the
-loop the robot brakes. ``starved``: how long after others of a higher priority, but not above the
-robot's, took all processors, for 0.2 s. ``gone``: how long after the robot's process was killed the
-loop ends. What the machine itself adds is measured beside: how late an empty loop of 2 ms begins.
+``walk``: on estimated state alone. ``killed``, ``stopped``: how long after SIGKILL or SIGSTOP of
+the loop the robot brakes. ``starved``: how long after processes of a higher priority than the
+loop's, but not above the robot's, took all processors, for 0.2 s. ``gone``: how long after the
+robot's process was killed the loop ends. An empty loop of 2 ms measures the machine's own lateness.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ RESULT = Path(__file__).with_name("hardware.json")
 READY = 60.0  # s in which a process is there
 READY_HOGS = 1.0  # likewise
 EXPERIMENTS = ("walk", "killed", "stopped", "starved", "gone")
-# What takes a processor from a time on, for some seconds: above the loop's priority of 40, below
-# the 50 of the robot's side.
+# A process that takes a processor from a time on, for some seconds: above the loop's priority of
+# 40, below the 50 of the robot's side.
 HOG = """
 import os, sys, time
 os.sched_setaffinity(0, {int(sys.argv[1])})
@@ -57,12 +57,12 @@ class Pair:
         shared = ["--bus", bus, "--domain", str(domain), "--slower", f"{slower:g}"]
         sim = ["sim", "g1", *shared, "--report", str(folder / "sim.json")]
         sim += ["--push", push] if push else []
-        # The robot is another computer: it does not share a processor with who commands it.
+        # The robot is another computer: it does not share a processor with the loop.
         first, *others = sorted(os.sched_getaffinity(0))
         self.sim = self._begin(sim, {first} if others else None)
         self._wait_for(self.sim, "ready")
         files = ["--log", str(folder / "log.npz"), "--report", str(folder / "run.json")]
-        walks = ["--set", "gait.commands=[{at: 0.2, vx: 0.3}]"]  # until it is told to sit
+        walks = ["--set", "gait.commands=[{at: 0.2, vx: 0.3}]"]  # until it is commanded to sit
         told = ["run", str(PROBLEM), *shared, "--unattended", f"{seconds:g}", *files, *walks]
         for cpu in 2 * others[-1:]:  # of the loop, and of its controller
             told += ["--cpu", str(cpu)]
@@ -94,11 +94,11 @@ class Pair:
         raise RuntimeError(f"never said {word!r}: {''.join(said)}")
 
     def until(self, word: str) -> None:
-        """Wait until the loop says a word."""
+        """Wait until the loop prints a word."""
         self._wait_for(self.run, word)
 
     def end(self) -> dict[str, Any]:
-        """End the robot; return what it has to tell."""
+        """End the robot; return its results."""
         self.sim.send_signal(signal.SIGINT)
         self.sim.communicate(timeout=READY)
         return json.loads((self.folder / "sim.json").read_text())
@@ -117,7 +117,7 @@ class Pair:
 
 
 def walk(bus: str, seconds: float, slower: float, domain: int) -> dict[str, Any]:
-    """Return how a whole run went; the push, of 6.3 N s, comes in the middle of it."""
+    """Return the results of a whole run with a push of 6.3 N s in the middle."""
     with tempfile.TemporaryDirectory() as name:
         # The robot's clock runs from before the loop does, which takes some seconds to be there.
         push = f"{12.0 / slower + 4.5 + 0.5 * seconds:g},20,60,0.1"
@@ -149,7 +149,7 @@ def walk(bus: str, seconds: float, slower: float, domain: int) -> dict[str, Any]
 
 
 def interrupted(bus: str, what: str, slower: float, domain: int) -> dict[str, Any]:
-    """Return how long after an interruption of the loop that holds the robot up this brakes."""
+    """Return the delay between an interruption of the loop and the robot's braking."""
     with tempfile.TemporaryDirectory() as name, Pair(bus, 5.0, slower, domain, Path(name)) as pair:
         pair.until("standing up")
         time.sleep(1.5 * slower)
@@ -187,7 +187,7 @@ def starve(begin: float) -> None:
 
 
 def gone(bus: str, slower: float, domain: int) -> dict[str, Any]:
-    """Return how long after the robot's process was killed the loop ends, and whether it logs."""
+    """Return the delay between the robot's death and the loop's end, and whether it logs."""
     with tempfile.TemporaryDirectory() as name, Pair(bus, 5.0, slower, domain, Path(name)) as pair:
         pair.until("standing up")
         time.sleep(1.5 * slower)
@@ -205,7 +205,7 @@ def gone(bus: str, slower: float, domain: int) -> dict[str, Any]:
 
 
 def empty_loop(seconds: float = 10.0) -> dict[str, float]:
-    """Return how late an empty loop of 2 ms begins its cycles on this machine, now."""
+    """Return the lateness of the cycles of an empty loop of 2 ms on this machine, now."""
     late = list[float]()
     with real_time(40):
         clock = CycleClock(0.002)

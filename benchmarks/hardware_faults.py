@@ -1,11 +1,11 @@
-"""Faults of sensors, messages, controllers and machines, thrown at the loop: what it commands.
+"""Commands of the hardware loop under faults of sensors, messages, controllers and machines.
 
     python benchmarks/hardware_faults.py                # 10^6 cycles, seed 0
     python benchmarks/hardware_faults.py 100000 --seed 1
 
-A robot on rails: its joints and its base swing whatever it is told, so that every sensor has
-something to say and no physics hides a wrong command. Each cycle's command is compared with the
-robot's limits by arithmetic of its own. The tests inject the faults one by one.
+A robot on rails: its joints and its base swing whatever it is commanded, so that every sensor has a
+signal and no physics hides a wrong command. Each cycle's command is compared with the robot's
+limits by independent arithmetic. The tests inject the faults one by one.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Change = Callable[[Reading, int, Any], Readings]
 
 
 class RailRobot:
-    """Sends readings of a swing; hears commands. A bus for both ends."""
+    """Sends readings of a swing and receives commands. A bus for both ends."""
 
     def __init__(self, robot: wbc.Robot, seed: int) -> None:
         limits = robot.limits
@@ -110,7 +110,7 @@ class RailRobot:
 
 
 class RailController:
-    """Commands large torques, or goes wrong as it is told."""
+    """Commands large torques, or fails as configured."""
 
     notes = ()
 
@@ -154,7 +154,7 @@ def _robot() -> wbc.Robot:
 
 
 class HungWorker:
-    """Never answers."""
+    """A worker that never answers."""
 
     busy = True
 
@@ -165,7 +165,7 @@ class HungWorker:
 
 
 class Rig:
-    """A loop on a robot on rails, by simulated time."""
+    """A loop on a robot on rails, in simulated time."""
 
     def __init__(self, seed: int = 0, log: Path | None = None) -> None:
         self.robot = robot = _robot()
@@ -193,11 +193,11 @@ class Rig:
         self.time, self.wanted = 0.0, deque[Wish]()
 
     def wish(self, status: LoopStatus) -> Wish | None:
-        """Return what was asked for; it is the loop's operator."""
+        """Return the requested mode; the rig is the loop's operator."""
         return self.wanted.popleft() if self.wanted else None
 
     def cycle(self, late: float = 0.0, missed: int = 0) -> Command:
-        """Make a cycle that begins so late."""
+        """Make a cycle with this delay."""
         self.bus.move(self.time)
         self.time += late
         command = self.loop.cycle(Beat(self.time, late, missed))
@@ -253,7 +253,7 @@ class Rig:
 
 
 def of_joint(name: str, value: Callable[[np.ndarray, Any, int], float]) -> Change:
-    """Return the fault of one joint's sensor; ``value`` has the field, the memory and the cycle."""
+    """Return a fault of one joint's sensor; ``value`` gets the field, the memory and the cycle."""
 
     def change(r: Reading, since: int, memory: Any) -> Readings:
         field = np.array(getattr(r, name))
@@ -265,7 +265,7 @@ def of_joint(name: str, value: Callable[[np.ndarray, Any, int], float]) -> Chang
 
 
 def of_imu(name: str, value: Callable[[np.ndarray, Any], np.ndarray]) -> Change:
-    """Return the fault of a part of the IMU."""
+    """Return a fault of a part of the IMU."""
 
     def change(r: Reading, since: int, memory: Any) -> Readings:
         field = np.array(getattr(r, name))
@@ -297,7 +297,7 @@ def swapped(r: Reading, since: int, memory: Any) -> Readings:
 
 
 def shuffled_alone(r: Reading, since: int, memory: Any) -> Readings:
-    """Each second cycle the last but one comes again, alone."""
+    """Send the last reading but one again, alone, each second cycle."""
     memory.kept.append(r)
     return [memory.kept[-3]] if since % 2 and len(memory.kept) > 3 else [r]
 
@@ -373,13 +373,13 @@ CONTROLLER_FAULTS = {
     "no estimate": Mode.DAMPING,
     "nan": Mode.DAMPING,
     "unsolved": Mode.DAMPING,
-    "huge": Mode.RUNNING,  # clipped to what the robot may be told
+    "huge": Mode.RUNNING,  # clipped to the robot's limits
     "hangs": Mode.DAMPING,
 }
 
 
 def after(name: str, mode: Mode, rig: Rig) -> str:
-    """Return whether the loop came to another mode than it should, in words."""
+    """Return an error message if the loop ended in another mode than expected."""
     found = rig.safety.mode
     return "" if found is mode else f"{name}: {found}, not {mode}: {list(rig.safety.events)[-4:]}"
 
@@ -388,7 +388,7 @@ def after(name: str, mode: Mode, rig: Rig) -> str:
 
 
 def soak(cycles: int, seed: int) -> dict[str, Any]:
-    """Return what came of so many cycles with random faults."""
+    """Return the results of a number of cycles with random faults."""
     random = np.random.default_rng(seed)
     names = list(READING_FAULTS)
     rig = Rig(seed)
@@ -414,7 +414,7 @@ def soak(cycles: int, seed: int) -> dict[str, Any]:
             else:
                 name = "none"
             seen[name] += 1
-        elif draw < 0.03:  # somebody wishes for something, sensible or not
+        elif draw < 0.03:  # the operator requests a mode, sensible or not
             choices = list(Wish)[:-1]
             rig.wanted.append(choices[random.integers(len(choices))])
         mode = rig.safety.mode

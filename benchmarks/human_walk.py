@@ -1,15 +1,15 @@
-"""A recorded human walk against force plates, and what its pendulum does in a step.
+"""A recorded human walk against force plates, and its pendulum during a step.
 
 The recording is not part of the project: markers and force plates of a walk, such as comes with
-OpenSim's full-body model of Rajagopal et al. (2016), in any format that `wbc analyze` reads. From
-the motion alone; beside it, the same with segments' masses and centres that were fitted to the
-plates in one half of the frames and are judged in the other.
+OpenSim's full-body model of Rajagopal et al. (2016), in any format that `wbc analyze` reads.
+Results are from the motion alone, and with segments' masses and centres fitted to the plates in one
+half of the frames and tested in the other.
 
     python benchmarks/human_walk.py walk.trc --forces walk_grf.mot [--static static.trc]
         [-o benchmarks/human_walk.json] [--plot PICTURE]
     python benchmarks/human_walk.py --many *.c3d *.trc -o benchmarks/human_walks.json
 
-With ``--many`` only what is judged, of each; forces of a TRC are those of the MOT beside it.
+With ``--many`` only the figures of each; forces of a TRC are those of the MOT with the same name.
 """
 
 import os
@@ -39,7 +39,7 @@ CHOSEN_ON = (
     "opensim_test_walking",
     *(f"biomechzoo_HC0{one}" for one in ("02D06", "31A06", "33A10", "38A11", "44A15", "55A09")),
 )
-# Those in which children turn by 90 degrees, on few frames of plates: neither of these.
+# Walks of children who turn by 90 degrees, with few frames of plates: in neither set.
 TURNS = tuple(
     f"biomechzoo_HC0{one}"
     for one in (
@@ -54,9 +54,9 @@ MEANS = (
     "within_all_bands_percent",
 )
 CUTOFFS = (4.0, 4.5, 5.0, 5.5, 6.0, 8.0, 10.0)  # Hz
-TABLE = 0.10  # how far a segment's mass may be from the table's: one standard deviation
-CENTRE = 0.015  # m: and its centre
-FORCE, MOMENT = 10.0, 15.0  # N, N m: of what a fit of masses leaves
+TABLE = 0.10  # standard deviation of a segment's mass from the table's
+CENTRE = 0.015  # m, of its centre
+FORCE, MOMENT = 10.0, 15.0  # N, N m: standard deviations of a fit's residuals
 
 
 def analyzed(human: HumanMotion, cutoff: float | None = None) -> tuple[RmpSeries, Comparison]:
@@ -73,7 +73,7 @@ def analyzed(human: HumanMotion, cutoff: float | None = None) -> tuple[RmpSeries
 
 
 def figures(found: Comparison) -> dict[str, Any]:
-    """Return what is judged, in percent and mm."""
+    """Return the figures of merit, in percent and mm."""
     return {
         "frames": len(found.time),
         "vertical_percent_of_peak": 100.0 * found.vertical,
@@ -87,7 +87,7 @@ def figures(found: Comparison) -> dict[str, Any]:
 
 
 def step_figures(human: HumanMotion, series: RmpSeries, found: Comparison) -> dict[str, Any]:
-    """Return how the pendulum changes in the compared frames, and how much segments cancel."""
+    """Return the pendulum's changes in the compared frames, and segments' cancellation."""
     inner = (series.time >= found.time[0]) & (series.time <= found.time[-1])
     height = float(series.com[inner, 2].mean()) - series.ground_height
     scale = momentum_scale(series)
@@ -200,7 +200,7 @@ def fitted_on_one_half(human: HumanMotion, series: RmpSeries, found: Comparison)
 
 
 def _wrench(series: RmpSeries, at: np.ndarray, each: list[float]) -> np.ndarray:
-    """Return force and moment about the origin (n, 6) that points (s, n, 3) of masses ask for."""
+    """Return force and moment about the origin (n, 6) that move points (s, n, 3) of masses."""
     found = np.zeros((len(series), 6))
     for place, mass in zip(at, each, strict=True):
         push = make_interp_spline(series.time, place, k=5)(series.time, 2)
@@ -223,7 +223,7 @@ def _rounded(value: Any) -> Any:
 
 
 def judged(path: Path) -> dict[str, Any]:
-    """Return what is judged of one recording more."""
+    """Return the figures of one more recording."""
     forces = path.with_suffix(".mot") if path.suffix == ".trc" else None
     recording = read_markers(path, forces=forces)
     human = human_motion(recording)

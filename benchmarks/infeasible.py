@@ -1,10 +1,10 @@
-"""Contradictions on purpose: what is commanded, and whether the report names who is to blame.
+"""Deliberate contradictions: the command, and whether the report names the right rows.
 
 Families of generated problems on several robots, each without any solution: feet held too far
-apart, contacts that drifted farther than joint speeds can take back, margins and contacts against a
+apart, contacts that drifted farther than joint speeds can correct, margins and contacts against a
 demand, a demand beyond all joint speeds. Every verdict is checked by a linear program (HiGHS), the
-command against all limits, and the named rows by leaving them out one by one: what is left must
-have a solution.
+command against all limits, and each named row by leaving it out: the others must then have a
+solution.
 
     python benchmarks/infeasible.py [--count 200] [--seed 0]
 """
@@ -31,7 +31,7 @@ ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
 
 
 class Demand(Constraint):
-    """Asks points of the robot to move at given velocities: a user's own constraint."""
+    """A user's own constraint: points of the robot move at given velocities."""
 
     name = "demand"
 
@@ -46,14 +46,14 @@ class Demand(Constraint):
 
 
 def feet_apart(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
-    """Both feet held, one at a place that legs do not reach in a tick, nor ever."""
+    """Both feet held, one at a place out of reach of the legs."""
     left, right = support(here, "double")
     moved = left.position + rng.uniform(0.5, 2.0) * _unit(rng)
     return {"contacts": (Contact(robot, left.frame, moved, left.rotation), right)}
 
 
 def drifted(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
-    """Both feet held, turned against each other by more than joint speeds take back."""
+    """Both feet held, rotated against each other by more than joint speeds can correct."""
     left, right = support(here, "double")
     angle = rng.uniform(0.5, 1.5)
     c, s = np.cos(angle), np.sin(angle)
@@ -62,7 +62,7 @@ def drifted(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
 
 
 def hand_through_body(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
-    """A foot must go where it is, and away: margins, contacts and a demand."""
+    """A foot must both stay and move away: margins, contacts and a demand."""
     contacts = support(here, "double")
     frame = contacts[int(rng.integers(2))].frame
     demand = Demand(robot, [frame], rng.uniform(0.1, 1.0) * _unit(rng)[None])
@@ -102,7 +102,7 @@ def contradictory(
 
 
 def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
-    """Return what is wrong with the answer to a contradiction."""
+    """Return the errors of the answer to a contradiction."""
     faults = []
     n = tick.velocity.size
     if can_hold(tick.qp):

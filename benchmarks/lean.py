@@ -1,15 +1,15 @@
-"""How long a humanoid leans with its CoM beyond its feet, against the pendulum's static lean.
+"""The duration of a lean with the CoM beyond the feet, against the pendulum's static lean.
 
-The robot begins at rest, its CoM ahead of its toes. What holds it there is angular momentum that
-grows without end: k' = M g e, e the distance from the toes (paper 4.2). The prediction is that of
-`wbc.rmp.balance.static_lean`, whose wheel has the robot's inertia and the angle by which the robot
-can turn about its CoM: until, moved at 1 rad/s at the velocity level with the CoM at rest, joints
-and margins leave less than 90 % of that rate. The lean in physics ends when the CoM is 5 mm off.
+The robot begins at rest, its CoM ahead of its toes. Growing angular momentum holds it there: k' = M
+g e, e the distance from the toes (paper 4.2). The prediction is that of
+`wbc.rmp.balance.static_lean`, whose wheel has the robot's inertia and its range of rotation about
+the CoM: until, moved at 1 rad/s at the velocity level with the CoM at rest, joints and margins
+leave less than 90 % of that rate. The simulated lean ends when the CoM is 5 mm off.
 
-Soles end in corners of different length, and ground that gives shares the load among all that are
-near: the CoP comes to rest some millimetres behind the foremost. A controller that shares it too
-(``force_damping``) wants it there: a hundredth of the default leaves 1 mm of 4. So there are two
-predictions: from the sole's foremost edge, and from where the CoP really is while the lean begins.
+Soles end in corners of different length, and compliant ground shares the load among all that are
+near: the CoP settles some millimetres behind the foremost. A controller that shares it too
+(``force_damping``) also moves it there: a hundredth of the default leaves 1 mm of 4. So there are
+two predictions: from the sole's foremost edge, and from the true CoP at the start of the lean.
 
     python benchmarks/lean.py [--robots g1] [--beyond 0.01 0.02 0.03 0.04]
 """
@@ -32,18 +32,18 @@ from wbc.simulation import Plant
 from wbc.validate import Array
 
 FEET = ("left", "right")
-RATE = 1.0  # rad/s at which the robot turns about its CoM to find out how far it can
-SHORT = 0.9  # part of it below which it has come to its limits
+RATE = 1.0  # rad/s of the rotation about the CoM that measures its range
+SHORT = 0.9  # fraction of it below which the robot is at its limits
 BEGIN = (0.1, 0.3)  # s, between the settling of the contacts and the end of the shortest lean
 HELD = 5e-3  # m that the CoM may be off
 UNSHARED = 1e-4  # of the controller's forces: its CoP goes as far ahead as it can
-DEEPER = 0.06  # m below the standing CoM: straight knees leave nothing to turn with
-# The capsule about the G1's pelvis is wider than the pelvis: thighs pass it in every bow.
+DEEPER = 0.06  # m below the standing CoM: straight knees leave no range of rotation
+# The capsule around the G1's pelvis is wider than the pelvis: thighs overlap it in every bow.
 EXCLUDED = {"g1": [("pelvis_contour_link", "*hip_roll_link")]}
 
 
 def margins(robot: wbc.Robot, limits: wbc.Limits) -> list[wbc.SelfCollision]:
-    """Return what keeps the robot's bodies apart."""
+    """Return the self-collision margins."""
     excluded = EXCLUDED.get(robot.name, [])
     return [wbc.SelfCollision(robot, margin=0.005, exclude=excluded, limits=limits)]
 
@@ -68,7 +68,7 @@ def leaning(robot: wbc.Robot, beyond: float) -> Array:
 
 
 def range_of_turn(robot: wbc.Robot, q: Array) -> float:
-    """Return how far the robot can turn forwards about its CoM at rest [rad]."""
+    """Return the robot's range of forward rotation about its CoM at rest [rad]."""
     start, dt = robot.snapshot(q), 0.005
     limits = wbc.Limits(robot)
     spin = wbc.MomentumTask(robot, components=("kx", "ky", "kz"), weight=10.0)
@@ -99,7 +99,7 @@ def range_of_turn(robot: wbc.Robot, q: Array) -> float:
 
 
 def predicted(robot: wbc.Robot, q: Array, angle: float, beyond: float) -> float:
-    """Return how long the pendulum leans [s], its CoM ``beyond`` its foot [m].
+    """Return the duration of the pendulum's lean [s], its CoM ``beyond`` its foot [m].
 
     Its wheel is free to turn by ``angle`` [rad].
     """
@@ -111,7 +111,7 @@ def predicted(robot: wbc.Robot, q: Array, angle: float, beyond: float) -> float:
 
 
 def held(robot: wbc.Robot, q: Array) -> tuple[float, float]:
-    """Return for how long the CoM stays where it is, in physics [s], and how far beyond the CoP.
+    """Return the duration of the simulated lean [s], and the CoM's distance beyond the CoP [m].
 
     The latter is the mean while the lean begins [m].
     """

@@ -1,9 +1,9 @@
-"""Every robot of example-robot-data: what loads, what stands, and margins judged by raw meshes.
+"""Every robot of example-robot-data: what loads, what stands, and margins checked by raw meshes.
 
-1. A table of all files: feet, base, whether ``standing`` stands, or the sentence that refuses it.
-2. Random ticks of every humanoid that stands (targets mostly out of reach, four supports) with its
+1. A table of all files: feet, base, whether ``standing`` stands, or the error that refuses it.
+2. Random ticks of every standing humanoid (targets mostly out of reach, four supports) with its
    bodies kept apart. After every tick Coal measures the *raw* shapes of all watched pairs, which
-   the controller knows as capsules and hulls only.
+   the controller has as capsules and hulls only.
 
     python benchmarks/library_robots.py [--ticks 20000] [--only talos g1] [--pictures FOLDER]
 """
@@ -42,7 +42,7 @@ def folder() -> Path:
 
 
 def loaded(path: Path) -> Robot | str:
-    """Return the robot of a file, or why it is refused."""
+    """Return the robot of a file, or the reason of its refusal."""
     try:
         return Robot.load(path)
     except WbcError as error:
@@ -55,7 +55,7 @@ def is_humanoid(robot: Robot) -> bool:
 
 
 def verdict(robot: Robot) -> str:
-    """Return what was made of a robot, in a line."""
+    """Return a robot's result, in a line."""
     if robot.fixed_base:
         return "fixed base"
     if not robot.feet:
@@ -78,9 +78,8 @@ def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator
     while True:
         step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
         q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
-        set_mimic_joints(
-            robot.limits, q, robot.couplings
-        )  # else no velocity keeps gears and limits
+        # Without it no velocity satisfies gears and limits.
+        set_mimic_joints(robot.limits, q, robot.couplings)
         if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
             return q
         scale *= 0.9
@@ -88,7 +87,7 @@ def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator
 
 @dataclass
 class Record:
-    """What was seen over the random ticks of one robot."""
+    """Observations over the random ticks of one robot."""
 
     ticks: int = 0
     outside: float = 0.0  # rad or m
@@ -130,7 +129,7 @@ def episode(
 
 
 def random_ticks(robot: Robot, ticks: int, seed: int) -> str:
-    """Run random ticks and return what was seen, in a line."""
+    """Run random ticks and return the observations, in a line."""
     try:
         margins = SelfCollision(robot, margin=MARGIN)
     except ModelError as error:

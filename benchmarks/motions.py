@@ -1,13 +1,13 @@
-"""Motions of problem files, with noise, delay and wrong masses: who falls, slips, strays.
+"""Motions of problem files, with noise, delay and wrong masses: falls, slips and errors.
 
-For each file, exact and with so many seeds of joint noise 1e-3 rad and 0.05 rad/s (and as much on
-the base), 2 ms of delay, and masses 10 % off: how it ended, how far feet moved while held, truly
-and as measured, the largest error of CoM and raised feet, the CoP's distance from the planned one
-(99 % of the ticks, and the largest; a foot that lands makes spikes of some milliseconds), the
-largest ground force of a step of the physics, of a mean over 10 ms and over 50 ms (in weights of
-the simulated robot, with its wrong masses), and the ticks in which something gave way. Errors are
-of the true states; what a file does not lead has none ("-"): feet count if all rows of their places
-are led whenever any is, which is not so in a fall.
+For each file, exact and with this many seeds of joint noise 1e-3 rad and 0.05 rad/s (and as much on
+the base), 2 ms of delay, and masses 10 % off: its end; the motion of feet while held, true and
+measured; the largest error of CoM and raised feet; the CoP's distance from the planned one (99 % of
+the ticks, and the largest; a landing foot makes spikes of some milliseconds); the largest ground
+force of a step of the physics, of a mean over 10 ms and over 50 ms (in weights of the simulated
+robot, with its wrong masses); and the relaxed ticks. Errors are of the true states; without a task
+there is none ("-"). A foot counts if all rows of its position have weight whenever any has, which
+is not so in a fall.
 
     python benchmarks/motions.py problems/shiko_torque_hoap2.yaml [...] [--seeds 10]
 """
@@ -39,7 +39,7 @@ def disturbed(seed: int) -> dict[str, Any]:
 
 
 def simulated(problem: Problem) -> tuple[SimulationResult, np.ndarray]:
-    """Return a simulation and the ground's force (n, 3) [N] in every step of its physics."""
+    """Return a simulation and the ground force (n, 3) [N] in every step of its physics."""
     plant = problem.plant()
     forces = every_step(plant)
     result = run_trial(
@@ -52,7 +52,7 @@ def simulated(problem: Problem) -> tuple[SimulationResult, np.ndarray]:
 
 
 def every_step(plant: Plant) -> list[np.ndarray]:
-    """Make a plant step by single steps of its physics; return where their forces are kept."""
+    """Make a plant advance by single physics steps; return the list of their forces."""
     forces, step = list[np.ndarray](), plant.step
 
     def step_by_step(torque: np.ndarray, dt: float | None = None) -> None:
@@ -87,7 +87,7 @@ def slipped(problem: Problem, result: SimulationResult) -> float:
 
 
 def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> dict[str, float]:
-    """Return what a simulation came to, lengths in mm, forces in weights."""
+    """Return a simulation's figures, lengths in mm, forces in weights."""
     arrays, robot = result.arrays, problem.parts.robot
     errors = result.run.history.errors
     measured = [robot.snapshot(q) for q in result.run.history.q]
@@ -120,7 +120,7 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
 
 
 def led_all_the_way(problem: Problem, task: str) -> bool:
-    """Return whether all rows of a foot's place have weight in each phase in which any has."""
+    """Return whether all rows of a foot's position have weight in each phase in which any has."""
     weights = [phase.changes[task].weight for phase in problem.parts.phases]
     return all(weight is None or bool((weight[:3] > 0.0).all()) for weight in weights)
 

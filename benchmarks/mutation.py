@@ -1,15 +1,15 @@
-"""Which small faults in tasks, constraints, controllers, QPs and inertia do the tests not notice?
+"""Mutation testing: which small faults in tasks, constraints, controllers, QPs and inertia survive?
 
 A random sample of the faults that `mutation_places` lists is put in, one by one, and the tests that
-call the function at fault are run, until one fails: first those that found a fault there, then the
-quickest. A test that fails without any fault as well is not counted.
+call the function at fault are run until one fails: first those that found a fault there, then the
+quickest. A test that also fails without a fault is not counted.
 
     python -m benchmarks.mutation [--faults 300] [--seed 1] [--only qp/kkt.py] [--fresh]
 
-Every fault that was not noticed is a line `FILE:LINE: [verdict] fault: text of the line`. It goes
-on where it was stopped: what was found is kept in benchmarks/results/mutation_SEED.json, and which
-test calls what beside it. A file that has changed since is tried again; where sources call each
-other otherwise than before, ``--fresh`` is needed.
+Every surviving fault is a line `FILE:LINE: [verdict] fault: text of the line`. An interrupted run
+continues: results are kept in benchmarks/results/mutation_SEED.json, with the functions that each
+test calls. A changed file is tried again; ``--fresh`` is needed if sources call each other
+differently than before.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from benchmarks.mutation_trials import Trials, forked, tried_afresh
 
 RESULTS = ROOT / "benchmarks" / "results"
 NOTICED = ("killed", "endless")
-# Faults that change nothing that anyone could see: file, line's text, fault -> why.
+# Faults without an observable effect: file, line's text, fault -> why.
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
         "wbc/qp/proxqp_workspace.py",
@@ -122,13 +122,13 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
 
 
 def share(killed: int, total: int) -> str:
-    """Return a share with its interval of 95 %, Wilson's."""
+    """Return a share with its 95 % interval (Wilson)."""
     low, high = binomtest(killed, total).proportion_ci(method="wilson")
     return f"{100 * killed / total:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f})"
 
 
 def report(sample: list[Fault], found: dict[str, dict[str, Any]]) -> str:
-    """Return what became of the faults tried so far."""
+    """Return a summary of the faults tried so far."""
     tried = [fault for fault in sample if fault.key in found]
     verdicts = {one.key: str(found[one.key]["verdict"]) for one in tried}
     same = [one for one in tried if (one.file, one.text, one.what) in EQUIVALENT]

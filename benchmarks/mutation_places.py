@@ -1,6 +1,6 @@
-"""Where small faults can be put into the sources, and putting one in.
+"""Places in the sources for small faults, and their insertion.
 
-Every place is listed where a sign, an operator, a comparison, a condition, a number, a choice such
+It lists every place where a sign, an operator, a comparison, a condition, a number, a choice such
 as ``min`` or a call without result could be wrong.
 """
 
@@ -52,7 +52,7 @@ class Fault(NamedTuple):
 
 
 class Places(ast.NodeTransformer):
-    """Goes through a file and counts where faults could be; puts one in at the place wanted."""
+    """Counts possible faults in a file; inserts the one at the given place."""
 
     def __init__(self, wanted: int = -1) -> None:
         self.wanted, self.found = wanted, list[tuple[str, int, str]]()
@@ -63,7 +63,7 @@ class Places(ast.NodeTransformer):
         return change() if len(self.found) - 1 == self.wanted else node
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        """Go into a function; annotations and decorators have no faults."""
+        """Visit a function; annotations and decorators have no faults."""
         self._functions.append(".".join([*self._names, node.name]))
         self._names += [node.name, "<locals>"]
         node.body = [self.visit(part) for part in node.body]
@@ -75,53 +75,53 @@ class Places(ast.NodeTransformer):
         return node
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
-        """Go into a class; decorators have no faults."""
+        """Visit a class; decorators have no faults."""
         self._names.append(node.name)
         node.body = [self.visit(part) for part in node.body]
         self._names.pop()
         return node
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
-        """Leave annotations alone."""
+        """Skip annotations."""
         if node.value is not None:
             node.value = self.visit(node.value)
         return node
 
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
-        """Leave messages alone."""
+        """Skip messages."""
         return node
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
-        """Leave words alone."""
+        """Skip formatted strings."""
         return node
 
     def visit_keyword(self, node: ast.keyword) -> ast.AST:
-        """Leave alone what asserts lengths that are equal, or saves a copy or a look."""
+        """Skip keywords that assert equal lengths, or avoid a copy or a check."""
         return node if node.arg in NO_EFFECT else self.generic_visit(node)
 
     def visit_If(self, node: ast.If) -> ast.AST:
-        """The other way round."""
+        """Invert the condition."""
         self.generic_visit(node)
         if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             return node
         return self._at(node, "if not", lambda: _set(node, "test", ast.Not(), node.test))
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
-        """The other one; not of words."""
+        """Take the other branch; not for strings."""
         self.generic_visit(node)
         if isinstance(node.body, ast.Constant) and isinstance(node.body.value, str):
             return node
         return self._at(node, "if not", lambda: _set(node, "test", ast.Not(), node.test))
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        """Another operator."""
+        """Replace the operator."""
         self.generic_visit(node)
         return self._swap(node)
 
     visit_AugAssign = visit_BoolOp = visit_BinOp
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:
-        """Another comparison, of the first if there are two."""
+        """Replace the comparison, the first if there are two."""
         self.generic_visit(node)
         swapped = SWAPS[type(node.ops[0])]
 
@@ -132,12 +132,12 @@ class Places(ast.NodeTransformer):
         return self._at(node, f"{type(node.ops[0]).__name__} -> {swapped.__name__}", change)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
-        """No sign, no negation."""
+        """Remove the sign or negation."""
         self.generic_visit(node)
         return self._at(node, f"no {type(node.op).__name__}", lambda: node.operand)
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        """Another number."""
+        """Change the number."""
         if isinstance(node.value, bool):
             return self._at(node, f"{not node.value}", lambda: ast.Constant(not node.value))
         if isinstance(node.value, int | float):
@@ -146,13 +146,13 @@ class Places(ast.NodeTransformer):
         return node
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        """Another choice."""
+        """Replace the choice."""
         if node.id in ("min", "max", "any", "all", "abs"):
             return self._at(node, f"{node.id} -> {CHOICES[node.id]}", lambda: _set_name(node, "id"))
         return node
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Whether arrays without entries are full of zeros or of ones is the same."""
+        """Skip arrays without entries, for which zeros and ones are the same."""
         sizes = node.args[:1]
         if sizes and isinstance(sizes[0], ast.Tuple):
             sizes = sizes[0].elts
@@ -163,7 +163,7 @@ class Places(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        """Another choice; of two ends of a range it does not matter whose size is asked."""
+        """Replace the choice; not the size of either end of a range, which is the same."""
         if node.attr == "size" and isinstance(node.value, ast.Attribute):
             return node
         self.generic_visit(node)
@@ -173,7 +173,7 @@ class Places(ast.NodeTransformer):
         return node
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST:
-        """A call that is left out."""
+        """Remove a call."""
         self.generic_visit(node)
         if isinstance(node.value, ast.Call):
             return self._at(node, "left out", ast.Pass)
@@ -206,12 +206,12 @@ def files() -> list[Path]:
 
 @cache
 def source(path: Path) -> str:
-    """Return the text of a file as it was when it was first read: it may change meanwhile."""
+    """Return the text of a file as first read: it may change meanwhile."""
     return path.read_text()
 
 
 def faults() -> Iterator[Fault]:
-    """Yield every fault there could be."""
+    """Yield every possible fault."""
     for path in files():
         text = source(path)
         name, digest = str(path.relative_to(ROOT)), hashlib.sha256(text.encode()).hexdigest()[:8]

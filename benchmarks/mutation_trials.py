@@ -1,8 +1,8 @@
-"""Tries faults on tests: which tests call the function at fault, and does one of them fail?
+"""Tries faults on tests: which tests call the faulty function, and does one of them fail?
 
-The tests are collected once, in a process of their own; each fault is then tried in a child of it,
-in which the functions at fault get other code. A fault outside functions (a constant, a default) is
-tried in a child of the first process, which has imported nothing of the package yet.
+The tests are collected once, in their own process. Each fault is then tried in a child of it, in
+which the faulty functions get other code. A fault outside functions (a constant, a default) is
+tried in a child of the first process, which has not imported the package yet.
 """
 
 import ast
@@ -42,7 +42,7 @@ Tests = dict[str, dict[str, Any]]
 
 
 class Runs:
-    """A plugin of pytest that ends the process at the first failure, and says which test it was."""
+    """A pytest plugin that ends the process at the first failure, and reports that test."""
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
@@ -55,7 +55,7 @@ class Runs:
 
 
 class Watch:
-    """A plugin of pytest that notes which test calls what, and for how long it runs."""
+    """A pytest plugin that records the functions called by each test, and its duration."""
 
     def __init__(self) -> None:
         self.seen: Tests = {}
@@ -81,24 +81,24 @@ class Watch:
         found["of"] = _digest(item.path)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Forget tests that do not pass even so."""
+        """Forget tests that fail anyway."""
         if not report.passed:
             self.seen.setdefault(report.nodeid, {})["passed"] = False
 
 
 class Trials:
-    """Verdicts on a sample of faults, kept in a file; a plugin of the pytest that collects."""
+    """Verdicts on a sample of faults, kept in a file; a plugin of the collecting pytest."""
 
     def __init__(self, sample: list[Fault], path: Path, watched: Path) -> None:
         self.sample, self.path, self.watched = sample, path, watched
         self._out = os.dup(1)
 
     def found(self) -> Tests:
-        """Return what was found so far: the verdict and the test of each fault, by its key."""
+        """Return the verdict and the test of each fault so far, by its key."""
         return json.loads(self.path.read_text()) if self.path.exists() else {}
 
     def known(self, fault: Fault, tests: Tests) -> bool:
-        """Say whether a fault need not be tried: it was noticed, or no test is new since."""
+        """Say whether a fault can be skipped: it was found, or no test is new since."""
         one = self.found().get(fault.key)
         if one is None or one["verdict"] in ("killed", "endless"):
             return one is not None
@@ -106,17 +106,17 @@ class Trials:
         return one["verdict"] != LATER and one["of"] == _of(chosen, tests)
 
     def say(self, words: str) -> None:
-        """Print, although what tests print is not shown."""
+        """Print, although pytest captures output."""
         os.write(self._out, f"{words}\n".encode())
 
     def note(self, fault: Fault, verdict: str, test: str = "", of: str = "") -> None:
-        """Keep a verdict, the test that found the fault, and of which tests."""
+        """Keep a verdict, the test that found the fault, and the tests it was tried on."""
         words = fault._asdict() | {"verdict": verdict, "test": test, "of": of}
         everything = self.found() | {fault.key: words}
         self.path.write_text(json.dumps(everything, indent=0))
 
     def run(self) -> None:
-        """Collect all tests, then try every fault that has no verdict yet."""
+        """Collect all tests, then try every fault without a verdict."""
         _quiet()
         with TemporaryDirectory() as folder:
             os.environ.setdefault("WBC_CACHE", folder)  # fitted shapes and the core: once
@@ -124,7 +124,7 @@ class Trials:
                 raise RuntimeError(f"pytest ended with code {code}")
 
     def pytest_internalerror(self, excrepr: object) -> None:
-        """Show what went wrong here: what pytest prints is not shown."""
+        """Print the error here, since pytest's output is captured."""
         self.say(str(excrepr))
 
     @pytest.hookimpl(tryfirst=True)
@@ -166,7 +166,7 @@ class Trials:
         self.note(fault, *_tried(run, spent), _of(chosen, tests))
 
     def _watch(self, items: dict[str, pytest.Item]) -> Tests:
-        """Return what every test calls, from a file; those that are new or have changed are run."""
+        """Return the calls of every test, from a file; new and changed tests are run."""
         stored: Tests = json.loads(self.watched.read_text()) if self.watched.exists() else {}
         digests = {path: _digest(path) for path in {item.path for item in items.values()}}
         known = {key: one for key, one in stored.items() if key in items}
@@ -185,7 +185,7 @@ class Trials:
         return {key: one for key, one in known.items() if one["passed"]}
 
     def _forgotten(self, items: dict[str, pytest.Item], tests: Tests) -> int:
-        """Run the tests that found faults without any; forget those that fail, and their faults."""
+        """Run the tests that found faults without any; forget failing ones, and their faults."""
         finders = sorted({one["test"] for one in self.found().values()} & set(items))
 
         def fails(names: list[str]) -> bool:
@@ -217,7 +217,7 @@ def tried_afresh(trials: Trials) -> None:
 
 
 def chosen_tests(fault: Fault, tests: Tests, first: set[str]) -> tuple[list[str], float]:
-    """Return the tests that call the function at fault, the quickest first, and their time."""
+    """Return the tests that call the faulty function, the quickest first, and their time."""
     called, chosen, spent = f"{fault.file}:{fault.function}", list[str](), 0.0
     for name in sorted(tests, key=lambda name: (name not in first, float(tests[name]["seconds"]))):
         calls = tests[name]["calls"]
@@ -258,7 +258,7 @@ def _alone(code: CodeType) -> CodeType:
 
 
 def _replace(sound: CodeType, faulty: CodeType, path: str, try_only: bool = False) -> bool:
-    """Give the functions of a file other code; return whether that is all that is at fault."""
+    """Replace functions of a file; return whether that covers the whole fault."""
     codes, others = list(_codes(sound)), list(_codes(faulty))
     if len(codes) != len(others):  # a call with a function in it is left out
         return False
@@ -305,7 +305,7 @@ def _options() -> list[str]:
 
 
 def _tried(run: Callable[[int], None], spent: float) -> tuple[str, str]:
-    """Return the verdict and the test that failed, of tests run in a child."""
+    """Return the verdict and the failed test of a run in a child."""
     ours, theirs = os.pipe()
     code = forked(lambda: run(theirs), 10 + 3 * spent)
     os.close(theirs)
@@ -315,7 +315,7 @@ def _tried(run: Callable[[int], None], spent: float) -> tuple[str, str]:
 
 
 def forked(run: Callable[[], None], seconds: float) -> int:
-    """Return the exit code of ``run`` in a process of its own; negative if it was ended."""
+    """Return the exit code of ``run`` in a child process; negative if it was killed."""
     sys.stdout.flush()
     child = os.fork()
     if child == 0:

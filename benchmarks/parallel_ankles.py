@@ -1,9 +1,9 @@
-"""A G1 with two motors and two rods on each ankle, as it is built, beside the serial one.
+"""A G1 with two motors and two rods on each ankle, as it is built, against the serial one.
 
 Rods are added to the URDF of example-robot-data: on each shank two motors turn cranks of 45 mm,
 whose rods (universal joint, ball) drive pitch and roll; the ankle's own joints have no motor. Tick
-times of both levels, and of a walk, in turns; and walks in MuJoCo at 1 m/s, with masses that are
-wrong by up to 10 %, sensor noise and delay by the seed (disturbed.py).
+times of both levels, and of a walk, in turns; and walks in MuJoCo at 1 m/s, with masses wrong by up
+to 10 %, sensor noise and delay by the seed (disturbed.py).
 
     python benchmarks/parallel_ankles.py [--ticks 1000] [--seeds 10] [--steps 50]
         [--output benchmarks/RESULTS.md]
@@ -51,7 +51,7 @@ WARM_UP, BLOCK, SPEED, MOST = 100, 50, 1.0, 60.0
 
 
 def serial() -> wbc.Robot:
-    """Return the G1 of the file."""
+    """Return the file's G1."""
     return wbc.Robot.load("g1", armature={"*": ROTOR})
 
 
@@ -79,7 +79,7 @@ def parallel() -> wbc.Robot:
 
 
 def _add_rod(root: ET.Element, leg: str, name: str, y: float, height: float) -> tuple[str, str]:
-    """Add a motor with its crank and rod; return the rod's end and where it belongs."""
+    """Add a motor with its crank and rod; return the rod's end and its place on the foot."""
     shank, foot, rod = f"{leg}_knee_link", f"{leg}_ankle_roll_link", height + TO_ROLL
     parts = [
         _link(f"{name}_crank", 0.08, (-0.5 * CRANK, 0, 0), 1e-5),
@@ -123,7 +123,7 @@ def _text(numbers: tuple[float, ...]) -> str:
 
 
 class Loop(features.Loop):
-    """A loop of ``features.py`` from a stance, and how far its rods' ends part [m]."""
+    """A loop of ``features.py`` from a stance, and the largest error of its closed loops [m]."""
 
     def __init__(self, robot: wbc.Robot, torque: bool) -> None:
         super().__init__(robot, "torques" if torque else "plain", robot.posture("standing", JOINTS))
@@ -137,7 +137,7 @@ class Loop(features.Loop):
 
 
 class Walk:
-    """A walk in MuJoCo, the times of its ticks [s], and how far rods' ends part [m]."""
+    """A walk in MuJoCo, the times of its ticks [s], and the largest error of its loops [m]."""
 
     def __init__(self, robot: wbc.Robot, seed: int) -> None:
         posture = robot.posture("standing", JOINTS)
@@ -147,7 +147,7 @@ class Walk:
         self.gap, self.relaxed, self.unsolved = 0.0, 0, 0
 
     def advance(self, ticks: int) -> None:
-        """Time snapshot and step, footsteps and goals among it; go on in MuJoCo."""
+        """Time snapshot and step, with footsteps and goals; advance MuJoCo."""
         robot, plant = self.robot, self.plant
         for _ in range(ticks):
             if len(self.times) == BLOCK:
@@ -164,7 +164,7 @@ class Walk:
 
 
 def measured(ticks: int) -> list[list[str]]:
-    """Return the rows of a table: both robots at both levels and as they walk, in turns."""
+    """Return the rows of a table: both robots at both levels and walking, in turns."""
     robots = {"serial": serial(), "parallel": parallel()}
     loops: dict[tuple[str, str], Loop | Walk] = {
         (level, name): Loop(robot, level == "torque")
@@ -211,7 +211,7 @@ def walked(seed: int, steps: int) -> list[str]:
 
 
 def main() -> None:
-    """Time ticks, walk, and print or write what came of it."""
+    """Time ticks, walk, and print or write the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=1000)
     parser.add_argument("--seeds", type=int, default=10)

@@ -1,9 +1,10 @@
-"""How hard a push the momentum law survives without a step, beside the two bounds of theory.
+"""The largest push that the momentum law survives without a step, with two theoretical bounds.
 
 A solid reaction mass pendulum stands on a rectangular sole and is pushed at its CoM, in directions
-all around; the full equations of motion are integrated. The largest impulse that it survives (comes
-to rest upright, masses turned back, no bound broken, and so do its neighbours 1 mrad either way) is
-found by bisection. Bounds are those of the sole without the law's CoP margin.
+all around; the full equations of motion are integrated. The largest impulse that it survives is
+found by bisection: it comes to rest upright, the masses return, no bound is violated, and the same
+holds for its neighbours 1 mrad either way. Bounds are those of the sole without the law's CoP
+margin.
 
     python benchmarks/push_recovery.py [--body g1] [--directions 16] [--grid 20] [--output FILE]
 """
@@ -34,13 +35,13 @@ from wbc.validate import Array
 
 # How near to rest, as :func:`benchmarks.region_of_attraction.rest_error` measures it.
 NEAR = 0.02
-# By how much directions are turned to tell what is survived from luck [rad].
+# Rotation of directions that tells a robust recovery from a lucky one [rad].
 TURN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """What became of a push.
+    """The result of a push.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ def standing(law: MomentumQp) -> tuple[Array, Array]:
 
 
 def recover(law: MomentumQp, impulse: ArrayLike, *, duration: float = 8.0) -> Recovery:
-    """Push a pendulum at rest at time zero and watch it, for as long as it takes.
+    """Push a pendulum at rest at time zero and simulate it until it settles or falls.
 
     The law is asked every ``law.dt``.
 

@@ -1,8 +1,8 @@
-"""Many random ticks: no joint limit is exceeded, no QP fails, no command is not finite.
+"""Many random ticks: no joint limit exceeded, no failed QP, every command finite.
 
 Robots x support modes x random targets, new ones every 100 ticks, most of them out of reach, so
-that limits are met all the time. Counts what a user fears: limit violations, failed QPs, slipping
-feet, commands that are not finite, verdicts of infeasibility.
+that limits are always active. Counts limit violations, failed QPs, slipping feet, commands that are
+not finite, and infeasible statuses.
 
     python benchmarks/random_ticks.py [--ticks 100000] [--solver proxqp] [--seed 1]
 """
@@ -31,7 +31,7 @@ EPISODE = 100
 
 @dataclass
 class Record:
-    """What was seen over all ticks of one robot and support."""
+    """Observations over all ticks of one robot and support."""
 
     ticks: int = 0
     worst_violation: float = 0.0

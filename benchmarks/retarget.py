@@ -1,13 +1,13 @@
-"""Human motion on humanoids: what is kept, how near it comes, how fast, and in physics.
+"""Human motion on humanoids: constraints, accuracy, speed, and simulated walks.
 
 Recordings are not part of the project: any files that `wbc analyze` reads. Feet, limits and margins
-are judged by other means than those that made the motion: margins by the shapes of the robot's
-files (Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, with
-everything behind the fit of the human and what is found out about a robot once, which a first run
-pays: names, limits, and trees of the meshes of bodies that come near each other. With `--peer` the
-same frames are given to per-frame IK on mink (benchmarks/retarget_peer.py). With `--physics` the
-first recording's walk is walked in MuJoCo, on its footsteps and with its arms, with noise, 2 ms of
-delay and masses that are wrong by up to 10 % (benchmarks/disturbed.py), over seeds.
+are checked independently of the retargeting: margins by the shapes of the robot's files (Coal),
+torques by inverse dynamics. Frames per second are of CPU time of one process, including everything
+after the fit of the human. A first run pays for what is found out about a robot once: names,
+limits, and trees of the meshes of bodies that come near each other. With `--peer` per-frame IK on
+mink gets the same frames (benchmarks/retarget_peer.py). With `--physics` the first recording's walk
+is simulated in MuJoCo, on its footsteps and with its arms, with noise, 2 ms of delay and masses
+wrong by up to 10 % (benchmarks/disturbed.py), over seeds.
 
     python benchmarks/retarget.py walk.trc [more.bvh ...] [--forces walk_grf.mot]
         [--static static.trc] [--robots g1 talos ...] [--physics 10] [-o benchmarks/retarget.json]
@@ -52,7 +52,7 @@ STEPS, MOST = 14, 20.0  # of the walk in physics, and s
 
 
 def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
-    """Return what is judged of one motion."""
+    """Return the figures of one motion."""
     robot, limits = found.robot, found.robot.limits
     raw = RawShapes(robot, SelfCollision(robot, margin=MARGIN))
     broken = max(raw.broken(q) for q in found.q)
@@ -94,7 +94,7 @@ def together(found: wbc.Retargeted) -> float:
 
 
 def unbalanced_share(found: wbc.Retargeted) -> float:
-    """Return the part of the frames in which something cannot be."""
+    """Return the share of the frames with an infeasible quantity."""
     bad = np.zeros(len(found), dtype=bool)
     for one in found.unbalanced:
         bad |= (found.time >= one.start - 1e-9) & (found.time <= one.end + 1e-9)
@@ -103,12 +103,12 @@ def unbalanced_share(found: wbc.Retargeted) -> float:
 
 @cache
 def known_robot(name: str) -> Robot:
-    """Return a robot, of which others found out what is the same for all motions."""
+    """Return a robot, cached with the data that is the same for all motions."""
     return Robot.load(name)
 
 
 def retargeted(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
-    """Return a human's motion on a robot, and the CPU time that it took the second time [s].
+    """Return a human's motion on a robot, and the CPU time of the second run [s].
 
     In the first one meshes of bodies that come near each other are read.
     """
@@ -120,7 +120,7 @@ def retargeted(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
 
 
 def walked(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
-    """Return how a robot walks as the human does, in MuJoCo."""
+    """Return the results of a robot that walks as the human does, in MuJoCo."""
     robot = robot_named(name)
     found = wbc.retarget(human, robot)
     arms = [n for n in robot.joint_names if any(p in n for p in ("shoulder", "elbow"))]

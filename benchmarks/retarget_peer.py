@@ -1,7 +1,8 @@
-"""The same human on the same robot by per-frame IK on mink: a row beside benchmarks/retarget.py's.
+"""The same human on the same robot by per-frame IK on mink: a row for benchmarks/retarget.py.
 
 It gets the human's pelvis, trunk and feet, lengths scaled by the legs' as GMR scales them, and
-elbows and hands where the human's directions put the robot's. What comes out is judged as our own.
+elbows and hands at the robot's arm lengths along the human's directions. Its result is checked as
+our own.
 """
 
 import os
@@ -31,7 +32,7 @@ COSTS = (
 
 
 def by_mink(human: HumanMotion, found: wbc.Retargeted) -> tuple[wbc.Retargeted, float] | None:
-    """Return what mink makes of the frames of a motion, and its CPU time; None: no environment."""
+    """Return mink's motion of the frames, and its CPU time; None: no environment."""
     python = Path(os.environ.get("WBC_PEERS", PYTHON.parents[2])) / "mink" / "bin" / "python"
     if not python.exists():
         return None

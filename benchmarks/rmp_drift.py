@@ -1,11 +1,11 @@
-"""Drift of the pendulum's steps, in energy and momentum and from the true path, on one motion.
+"""Drift of the pendulum's integrators, in energy and momentum and from the true path.
 
-The motion is that of compare_steps: a solid reaction mass pendulum left to itself, passing close to
-the singular orientation of Euler angles. Energy and momenta: the largest departures over all steps,
-as fractions of the start. Attitude: the largest departure [rad] over the first ten seconds from an
-integration to 1e-12. The step on the rotation group keeps the invariants best, for ever;
-Runge-Kutta 4 on quaternions keeps to the path best, for it is of fourth order and that of second.
-Nothing is written.
+The motion is that of compare_steps: a free solid reaction mass pendulum that passes close to the
+singular orientation of Euler angles. Energy and momenta: the largest deviations over all steps, as
+fractions of the start. Attitude: the largest deviation [rad] over the first ten seconds from an
+integration to 1e-12. The step on the rotation group conserves the invariants best, for ever;
+Runge-Kutta 4 on quaternions follows the path best, since it is of fourth order and the other of
+second. Nothing is written.
 
     python benchmarks/rmp_drift.py [--steps 100000] [--dt 0.005]
 """
@@ -34,7 +34,7 @@ SPRINGS = Springs(4000.0, 1.0, 3000.0, np.array((0.3, 0.35, 0.4)))
 
 @dataclass(frozen=True)
 class Drift:
-    """Largest departures from the start, as fractions of the energy and of |k_G| at the start.
+    """Largest deviations from the start, as fractions of the energy and of |k_G| at the start.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Drift:
 def measure_drift(
     model: ReactionMassPendulum, step: ca.Function, springs: Springs, start: ArrayLike, count: int
 ) -> Drift:
-    """Return the drift of a solid pendulum left to itself for ``count`` steps."""
+    """Return the drift of a free solid pendulum over ``count`` steps."""
     states = rollout(step, start, np.zeros(len(model.V)), count)
     q, v = states[:, : len(model.Q)], states[:, len(model.Q) :]
     kinetic, potential = _over(model.functions["energies"], q, v)

@@ -1,31 +1,31 @@
 """Global inertia shaping against many independent L-BFGS-B searches, and against the local QP.
 
 Targets are random but sensible: the standing robot's moments made tall and thin, flat, large or
-small, by turns in base axes while floating, and in world axes on both feet. SciPy gets exact
+small, alternating, in base axes while floating and in world axes on both feet. SciPy gets exact
 gradients from the snapshot's Jacobians; on two feet its searches are augmented Lagrangians in the
-joints, the left sole being the root. Both sides use the same number of processes; SciPy's are
-started before its clock is.
+joints, with the left sole as root. Both sides use the same number of processes; SciPy's are started
+before its clock is.
 
 For each target: the cost found by either side, wall time and CPU time of all processes, the
-relative error |I - target| / |target| at the start, where the local QP comes to rest, and at the
-end of the global motion, and whether that motion keeps every constraint.
+relative error |I - target| / |target| at the start, at the rest of the local QP, and at the end of
+the global motion, and whether that motion satisfies every constraint.
 
     python benchmarks/shaping.py [--robots g1 icub] [--targets 20] [--scipy-starts 200]
 
 On two cores 200 L-BFGS-B searches take 2 to 30 s for a floating target and 1 to 3 minutes for one
 on both feet, the global search 0.4 to 5 s; all 100 targets take about two hours. Each target is a
-line as soon as it is measured; with --output it is also written then, and the same command goes on
-where it was stopped:
+line as soon as it is measured; with --output it is also written then, and the same command
+continues after an interruption:
 
     nohup python benchmarks/shaping.py --output shaping.json > shaping.txt &
 
-SciPy's share of it need not be repeated to try another search. What it found and took is read from
-such a file, or several; targets that are in none are searched by SciPy as ever. Times compare only
-if both were measured on the same idle machine; CPU times tell if it was not.
+SciPy's part need not be repeated to try another search: its results and times are read from such a
+file, or several; targets missing there are searched by SciPy as usual. Times compare only if both
+were measured on the same idle machine; CPU times tell if it was not.
 
     python benchmarks/shaping.py --scipy-from shaping.json --output again.json
 
-For a look:
+For a quick test:
 
     python benchmarks/shaping.py --robots hoap2_like g1 --targets 4 --scipy-starts 50
 """
@@ -61,7 +61,7 @@ THEIRS = ("scipy_cost", "scipy_wall", "scipy_cpu")
 
 
 def scipy_figures(target: Target, options: argparse.Namespace, pool) -> dict[str, float]:
-    """Return the best of SciPy's searches and what they took, measured now or earlier."""
+    """Return the best of SciPy's searches and their times, measured now or earlier."""
     for row in earlier(options):
         if described(target).items() <= row.items():
             # Files without it are of an idle machine, whose cores SciPy kept busy.
@@ -86,7 +86,7 @@ def earlier(options: argparse.Namespace) -> Iterator[dict]:
 
 
 def described(target: Target) -> dict:
-    """Return a target as it is written to a file."""
+    """Return a target as written to a file."""
     return json.loads(json.dumps(asdict(target)))
 
 
@@ -100,7 +100,7 @@ def relative_error(task: InertiaTask, robot: Robot, q) -> float:
 
 
 def local_rest(robot: Robot, task: InertiaTask, contacts, q, seconds: float = 20.0):
-    """Return where the QP comes to rest from ``q``."""
+    """Return the configuration where the QP comes to rest from ``q``."""
     controller = KinematicController(robot, [task], contacts=contacts, limits=Limits(robot))
     v = np.zeros(robot.nv)
     for _ in range(round(seconds / controller.dt)):
@@ -174,7 +174,7 @@ def line(row: dict) -> str:
 
 
 def tally(what: str, rows: list[dict]) -> str:
-    """Return how many targets went well, and the times in all."""
+    """Return the numbers of targets by result, and the total times."""
     counts = (f"{sum(bool(row[key]) for row in rows)} {key}" for key in GOALS)
     keys = ("wall", "scipy_wall", "cpu", "scipy_cpu")
     wall, their_wall, cpu, their_cpu = (sum(row[key] for row in rows) for key in keys)
@@ -185,7 +185,7 @@ def tally(what: str, rows: list[dict]) -> str:
 
 
 def resumed(options: argparse.Namespace) -> list[dict]:
-    """Return what an earlier run with the same settings has written so far."""
+    """Return the results written by an earlier run with the same settings."""
     if options.output is None or not options.output.exists():
         return []
     earlier = json.loads(options.output.read_text())

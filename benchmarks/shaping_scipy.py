@@ -23,7 +23,7 @@ SHAPES = {  # factors on (xx, yy) and zz of the standing robot
 
 @dataclass(frozen=True)
 class Target:
-    """One problem: a robot, a wanted inertia (6,), and where it is wanted."""
+    """One problem: a robot, a target inertia (6,), and its axes."""
 
     robot: str
     shape: str
@@ -110,7 +110,7 @@ class Search:
         )
 
     def run(self, seed: int) -> float:
-        """Return the cost relative to the start's that one search ends with; inf if not closed."""
+        """Return the final cost of one search relative to the start's; inf if not closed."""
         x = np.random.default_rng(seed).uniform(self.lower, self.upper)
         x = self.q[7:] if seed == 0 else x
         multipliers, rounds = np.zeros(6), 1 if self.mode == "floating" else 6
@@ -135,7 +135,7 @@ _SEARCHES: dict[Target, Search] = {}
 
 
 def scipy_search(job: tuple[Target, int]) -> tuple[float, float]:
-    """Return the cost that one search ends with, and the CPU time it took [s]."""
+    """Return the final cost of one search, and its CPU time [s]."""
     target, seed = job
     if target not in _SEARCHES:
         _SEARCHES[target] = Search(target)

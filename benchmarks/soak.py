@@ -1,22 +1,22 @@
-"""Soak: closed loops under abuse, with every rule that a tick must keep checked by other code.
+"""Soak: closed loops under random faults, with every invariant of a tick checked independently.
 
 Robots x QP backends x random tasks, weights over twelve decades, priorities, limits, margins;
-contacts and targets switch, and every so often a fault is injected: numbers that are none, wrong
-sizes, complex or huge numbers, states outside the limits. It fails on: an exception that is no
-WbcError, a bad input that is accepted, a command that is not finite or outside the limits' box, an
-infeasible verdict on a QP that a linear program (HiGHS) finds feasible, a tick (snapshot and step)
-of the default backend above 5 ms of CPU time, resident memory that grows.
+contacts and targets switch, and every so often a fault is injected: NaN and infinities, wrong
+sizes, complex or huge numbers, states outside the limits. It fails on an exception other than
+WbcError, an accepted bad input, a command that is not finite or outside the limits' box, an
+infeasible status of a QP that a linear program (HiGHS) finds feasible, a tick (snapshot and step)
+of the default backend above 5 ms of CPU time, or growing resident memory.
 
-An episode is determined by its number, so one with slow ticks is run again, up to four times in
-all, and the least time of each tick counts: what others do on the machine takes CPU time too, by
-caches and cores that are shared. Python's garbage is collected between episodes (40 ms).
+An episode with slow ticks is run again, up to four times in all, and the least time of each tick
+counts, since other processes share caches and cores. Python's garbage is collected between episodes
+(40 ms).
 
     python benchmarks/soak.py [--ticks 1000000] [--seed 1] [--fresh]
-    python benchmarks/soak.py --episode 123          # once more, with all that is wrong printed
+    python benchmarks/soak.py --episode 123          # one episode again, printing all violations
 
-What was counted is kept in benchmarks/results/soak_SEED.json after every few episodes: a run that
-was killed goes on from there, and a run that was finished can be made longer, by the code that it
-was begun with. An episode is determined by the seed and its number.
+Counts are saved in benchmarks/results/soak_SEED.json after every few episodes: a killed run
+continues from there, and a finished run can be extended, by the same code. Seed and number
+determine an episode.
 """
 
 import os
@@ -78,9 +78,9 @@ BACKENDS = ("proxqp", "active_set", "clarabel", "piqp", "osqp", "proxqp_cold")
 # take a fifth of the time.
 SHARES = (0.448, 0.15, 0.15, 0.15, 0.002, 0.1)
 LENGTH = 100  # ticks of an episode
-OUTSIDE = 1e-6  # a command may exceed its box by this [rad/s or m/s]
-SLOW = 5e-3  # CPU time of a tick [s]
-RUNS = 4  # at most, of an episode with slow ticks
+BOX_TOLERANCE = 1e-6  # a command may exceed its box by this [rad/s or m/s]
+SLOW_TICK = 5e-3  # CPU time of a tick [s]
+MAX_RUNS = 4  # at most, of an episode with slow ticks
 WARM_UP, EVERY = 5_000, 250  # ticks of a process before its memory counts, and between samples
 BLOCKS = 20  # of samples
 GROWTH = 10.0  # MB per million ticks that are no growth
@@ -94,7 +94,7 @@ Rng = np.random.Generator
 
 @dataclass
 class Record:
-    """All that was counted so far, by which code; written to disk as it is."""
+    """All counts so far, and the code that made them; written to disk as it is."""
 
     seed: int
     code: str = field(default_factory=code_of)
@@ -120,15 +120,15 @@ class Record:
             self.examples.append(example)
 
     def took(self, seconds: float, episode: int, tick: int, what: str) -> None:
-        """Note the CPU time of a tick; it counts with :meth:`book`."""
+        """Note the CPU time of a tick; :meth:`book` counts it."""
         self.pending.append([seconds, episode, tick, what])
 
     def is_slow(self) -> bool:
         """Whether the episode has slow ticks."""
-        return any(seconds > SLOW for seconds, *_ in self.pending)
+        return any(seconds > SLOW_TICK for seconds, *_ in self.pending)
 
     def run_again(self, other: "Record") -> None:
-        """Take the lesser times of the same episode, run by ``other``."""
+        """Take the lesser times of ``other``, a repetition of the same episode."""
         for own, again in zip(self.pending, other.pending, strict=True):
             own[0] = min(own[0], again[0])
 
@@ -137,7 +137,7 @@ class Record:
         for seconds, episode, tick, what in self.pending:
             ms = 1e3 * seconds
             self.times[f"{what.split()[1]} {int(10.0 * ms)}"] += 1
-            if seconds > SLOW:
+            if seconds > SLOW_TICK:
                 kind = "slow" if _by_default(what) else "slow, other backends (not a failure)"
                 self.fail(kind, episode, tick, f"{ms:.1f} ms: {what}")
             self.slowest = sorted([*self.slowest, [ms, episode, tick, what]], reverse=True)[:10]
@@ -161,7 +161,7 @@ class Record:
         draft.replace(path)
 
     def percentile(self, share: float, backend: str = "") -> float:
-        """Return the time [ms] that this share of the ticks, or of a backend's, did not exceed."""
+        """Return this percentile of tick times [ms], of all ticks or of a backend's."""
         times: Counter[int] = Counter()
         for key, n in self.times.items():
             name, tenths = key.split()
@@ -175,9 +175,11 @@ class Record:
         return 0.0
 
     def slow_share(self, backend: str) -> float:
-        """Return which share of a backend's ticks took more than 5 ms."""
+        """Return the share of a backend's ticks that took more than 5 ms."""
         own = {int(key.split()[1]): n for key, n in self.times.items() if key.split()[0] == backend}
-        return sum(n for tenth, n in own.items() if tenth >= 1e4 * SLOW) / max(sum(own.values()), 1)
+        return sum(n for tenth, n in own.items() if tenth >= 1e4 * SLOW_TICK) / max(
+            sum(own.values()), 1
+        )
 
     def report(self) -> str:
         """Return all counts in words."""
@@ -191,7 +193,7 @@ class Record:
             }
             lines.append(f"  {name:12s}" + "  ".join(f"{key} {n}" for key, n in counts.items()))
             p50, p99, most = (self.percentile(p, name) for p in (0.5, 0.99, 1.0))
-            slow = f"{self.slow_share(name):.3%} above {1e3 * SLOW:g} ms"
+            slow = f"{self.slow_share(name):.3%} above {1e3 * SLOW_TICK:g} ms"
             lines.append(f"    CPU time [ms]: 50% {p50:.1f}  99% {p99:.1f}  all {most:.1f}; {slow}")
         lines += [f"  injected: {key}: {n}" for key, n in sorted(self.faults.items())]
         times = "  ".join(f"{100 * p:g}% {self.percentile(p):.1f}" for p in (0.5, 0.99, 0.9999))
@@ -228,7 +230,7 @@ class Record:
         return slope, float(3.7 * np.median(np.abs(slopes - slope)) / np.sqrt(BLOCKS))
 
     def failed(self) -> bool:
-        """Whether a rule was broken, or memory grows beyond doubt."""
+        """Whether a rule was broken, or memory grows significantly."""
         found = self.growth()
         grows = found is not None and found[0] - found[1] > GROWTH
         return grows or any("not a failure" not in kind for kind in self.failures)
@@ -251,13 +253,13 @@ def resident() -> float:
 
 
 def judge(tick: Tick, box: tuple[np.ndarray, np.ndarray] | None) -> list[tuple[str, str]]:
-    """Return what is wrong with a tick: kind and text."""
+    """Return the violations of a tick: kind and text."""
     wrong, v = [], tick.velocity
     if not np.isfinite(v).all():
         wrong.append(("not finite", f"{tick.report()}: {v}"))
     elif box is not None:
         excess = np.maximum(box[0] - v, v - box[1])
-        if excess.max() > OUTSIDE:
+        if excess.max() > BOX_TOLERANCE:
             text = f"entry {excess.argmax()} by {excess.max():.3g}; {tick.report()}"
             wrong.append(("outside limits", text))
     if tick.status is Status.INFEASIBLE and can_hold(tick.qp):
@@ -301,7 +303,7 @@ def rotation(rng: Rng) -> np.ndarray:
 
 
 def random_target(task: Task, here: Snapshot, rng: Rng) -> tuple[Any, ...]:
-    """Return the arguments of ``task.set_target``: near, far or nowhere near."""
+    """Return the arguments of ``task.set_target``: near, far or unreachable."""
     robot, away = here.robot, decades(rng, -3, 1)
     match task:
         case ComTask():
@@ -403,7 +405,7 @@ def random_state(robot: Robot, rng: Rng, spread: float = 0.3) -> np.ndarray:
 
 
 class Episode:
-    """One closed loop, all of it determined by the seed and the number."""
+    """One closed loop, determined by the seed and the number."""
 
     def __init__(self, record: Record, seed: int, number: int, aloud: bool = False) -> None:
         self.record, self.number, self.aloud = record, number, aloud
@@ -500,7 +502,7 @@ class Episode:
         what += f"{len(tick.qp.l)} rows, attempts {tick.solution.attempts}"
         what += f", solver {1e3 * tick.times.solve:.1f} ms wall"
         record.took(spent, self.number, self.k, what)
-        if self.aloud and (spent > SLOW or not tick.ok):
+        if self.aloud and (spent > SLOW_TICK or not tick.ok):
             print(f"tick {self.k}: {1e3 * spent:.1f} ms, {what}: {tick.report()}")
         limits = self.limits
         box = None if limits is None else limits.emergency_braking_box(here, self.dt)
@@ -519,7 +521,7 @@ class Episode:
         self._switch(all_of_it=True)
 
     def _switch(self, all_of_it: bool = False) -> None:
-        """Hold other frames, where they are now."""
+        """Hold other frames, at their current poses."""
         here = self.robot.snapshot(self.q)
         contacts = random_contacts(here, self.rng)
         known = {contact.name for contact in self.controller.contacts}
@@ -545,13 +547,13 @@ class Episode:
     # ------------------------------------------------------------------ faults
 
     def _fault(self) -> None:
-        """Do something that should not be done, and look at what becomes of it."""
+        """Inject a bad input and check the result."""
         faults = (self._bad_state, self._bad_target, self._bad_part, self._far_state)
         fault = faults[int(self.rng.choice(4, p=(0.4, 0.3, 0.1, 0.2)))]
         fault()
 
     def _expect_refusal(self, name: str, deed: Callable[[], Any], value: Any) -> None:
-        """A WbcError is what should come; or a sound result, if the value is only large."""
+        """Expect a WbcError, or a sound result if the value is only large."""
         try:
             deed()
         except WbcError:
@@ -574,7 +576,7 @@ class Episode:
             self._expect_refusal("velocity", lambda: self._step(q, bad), bad)
 
     def _step(self, q: Any, v: Any) -> None:
-        """Take one tick beside the loop; what comes of it must be sound."""
+        """Take one tick outside the loop and check its result."""
         here = self.robot.snapshot(q, v)
         tick = self.controller.step(here)
         box = None if self.limits is None else self.limits.emergency_braking_box(here, self.dt)
@@ -614,7 +616,7 @@ class Episode:
             self._expect_refusal("snapshot", lambda: controller.step(one), one)
 
     def _far_state(self) -> None:
-        """Go on from a state outside the limits, or moving fast."""
+        """Continue from a state outside the limits, or moving fast."""
         robot, rng = self.robot, self.rng
         step = np.zeros(robot.nv)
         some = 6 + rng.choice(robot.nv - 6, size=int(rng.integers(1, 5)), replace=False)
@@ -627,7 +629,7 @@ class Episode:
 
 
 def spoilt(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -> Any:
-    """Return something that is not what ``good`` is."""
+    """Return a corrupted version of ``good``."""
     values = (np.nan, np.inf, -np.inf, 1e12, 1e60, -1e60, 1e140, 1e160, 1e300)
     kind = int(rng.integers(8))
     if kind < 4 and good.size:
@@ -655,7 +657,7 @@ def spoilt(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -
 
 
 def may_be_accepted(value: Any) -> bool:
-    """Whether ``value`` is a fault that is no fault of its kind: real, finite numbers."""
+    """Whether ``value`` is valid after all: real, finite numbers."""
     if not isinstance(value, np.ndarray):
         return False
     array = np.asarray(value)
@@ -666,11 +668,11 @@ def may_be_accepted(value: Any) -> bool:
 
 
 def run_episode(record: Record, number: int, ticks: int, aloud: bool = False) -> None:
-    """Run an episode, once more and again while ticks are slow, and count it."""
+    """Run an episode, repeat it while ticks are slow, and count it."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Episode(record, record.seed, number, aloud).run(ticks)
-        for _ in range(RUNS - 1):
+        for _ in range(MAX_RUNS - 1):
             if not record.is_slow():
                 break
             again = Record(record.seed)
@@ -682,7 +684,7 @@ def run_episode(record: Record, number: int, ticks: int, aloud: bool = False) ->
 
 
 def soak(record: Record, ticks: int, save: Callable[[], None] = lambda: None) -> None:
-    """Run episodes until there are so many ticks."""
+    """Run episodes up to this number of ticks."""
     samples: list[list[float]] = []
     record.memory.append(samples)
     began, before, own = monotonic(), record.seconds, record.ticks

@@ -1,10 +1,10 @@
-"""Recorded people who stay on both feet, on robots in MuJoCo: who stands, and how near it comes.
+"""Recorded people who stay on both feet, on robots in MuJoCo: which stand, and with what error.
 
 Recordings are not part of the project: any files that `wbc retarget` reads. Each is retargeted and
-tracked by the torque level in MuJoCo, with noise, 2 ms of delay and masses that are wrong by up to
-10 % (benchmarks/disturbed.py), over seeds: as it is, or as `:SLOWER` and `:SLOWER:LEAN` behind the
-file's name say. Errors are of the true states, while the motion lasts; what cannot be balanced is
-told of the motion before it is simulated, eased in and out.
+tracked at the torque level in MuJoCo, with noise, 2 ms of delay and masses wrong by up to 10 %
+(benchmarks/disturbed.py), over seeds: as it is, or with `:SLOWER` and `:SLOWER:LEAN` behind the
+file's name. Errors are of the true states, during the motion. The infeasible share is of the motion
+before the simulation, eased in and out.
 
     python benchmarks/standing_motions.py bow.bvh:2:0.01 call.bvh [...] [--robots g1] [--seeds 10]
         [-o benchmarks/standing_motions.json] [--page benchmarks/RESULTS.md]
@@ -35,7 +35,7 @@ from wbc.retargeting.standing import StandingMotion
 
 
 def tracked(path: Path, seed: int) -> dict[str, Any]:
-    """Return how a robot fares with one seed."""
+    """Return a robot's results with one seed."""
     problem = load_problem(
         path,
         {
@@ -62,7 +62,7 @@ def tracked(path: Path, seed: int) -> dict[str, Any]:
 
 
 def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int) -> dict[str, Any]:
-    """Return what a recording comes to on a robot."""
+    """Return a recording's figures on a robot."""
     robot = robot_named(name)
     with tempfile.TemporaryDirectory() as folder:
         motion, problem = Path(folder) / "motion.npz", Path(folder) / "problem.yaml"
@@ -94,7 +94,7 @@ def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int
 
 
 def standing_com(reference: MotionReference) -> np.ndarray:
-    """Return the CoM's way (n, 3) [m]."""
+    """Return the CoM's path (n, 3) [m]."""
     times = np.linspace(reference.begins, reference.ends, 500)
     return np.asarray(reference.at(times).com)
 

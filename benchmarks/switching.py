@@ -1,8 +1,8 @@
 """Contacts that come and go at random times: accelerations and QPs through every switch.
 
-Each run starts on both feet with random targets; at a random tick one foot is let go and pulled to
-a random place, at another it is held again where it is then. Judged on every tick: was the QP
-solved, and did no joint speed up by more than the declared acceleration bound.
+Each run starts on both feet with random targets; at a random tick one foot is released and moved to
+a random place, at another it is held again at its current place. Checked on every tick: the QP is
+solved, and no joint speeds up by more than the declared acceleration bound.
 
     python benchmarks/switching.py [--runs 1000] [--seed 0]
 """
@@ -25,13 +25,13 @@ DT, TICKS = 0.005, 60
 
 
 def speeding_up(v: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Return by how much joints gained speed; one that turns round counts with all of its speed."""
+    """Return the gain in joint speed; a joint that reverses counts with its full speed."""
     same_way = v * before > 0.0
     return np.abs(v) - np.where(same_way, np.abs(before), 0.0)
 
 
 def run(robot: Robot, rng: np.random.Generator) -> tuple[float, float, int]:
-    """Return the worst excess over the bound, the same at the switches, and QPs not solved."""
+    """Return the worst excess over the bound, the same at the switches, and failed QPs."""
     q, v = robot.posture("standing"), np.zeros(robot.nv)
     here = robot.snapshot(q, v)
     limits = Limits(robot, acceleration=float(rng.uniform(5.0, 50.0)))

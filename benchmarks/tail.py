@@ -1,11 +1,11 @@
 """The slowest ticks of a long loop, whether memory grows, and ticks with cold caches.
 
-The loop of tick.py, all of it timed in thread CPU time: targets, snapshot, tick, integration. In
-turns with it runs a fixed piece of arithmetic that takes about as long: how far its slow runs are
-from its median is what the machine alone does. Then all rounds are run once more from the start,
-the same bit by bit: what is slow in the program itself is slow both times, so that the quicker time
-of each round is the program's. Memory is read after a tenth of the ticks and at the end. Cold are
-ticks between which 32 MB of other memory are touched.
+The loop of tick.py, all of it timed in thread CPU time: targets, snapshot, tick, integration. It
+alternates with a fixed piece of arithmetic of about the same length, whose slow runs show what the
+machine alone does. All rounds are then run once more from the start, bit by bit the same: the
+program's own slow rounds are slow both times, so the quicker time of each round is the program's.
+Memory is read after a tenth of the ticks and at the end. Cold ticks come after touching 32 MB of
+other memory.
 
     python benchmarks/tail.py [--ticks 1000000] [--robot g1] [--solver active_set] [--cold 500]
         [--realtime]  # before all other processes, as a robot's controller runs (SCHED_FIFO)
@@ -60,7 +60,7 @@ class Loop:
 
 
 class Work:
-    """The same arithmetic every time: what it takes longer now and then is the machine's."""
+    """The same arithmetic every time: variations of its time are the machine's."""
 
     def __init__(self) -> None:
         self._matrix = np.random.default_rng(0).normal(size=(35, 35))
@@ -79,7 +79,7 @@ class Rounds:
 
     def __init__(self, loop: Loop, count: int) -> None:
         self.loop, self.early = loop, (0.0, 0)
-        # Not zeros: memory that is there from the start.
+        # Not zeros, so that the memory is allocated from the start.
         self.ticks, self.idle = np.ones((2, count))
         work, tenth, before = Work(), count // 10, 0
         for k in range(-200, count):
@@ -90,12 +90,12 @@ class Rounds:
                 before = collections()
             if k == tenth:
                 self.early = memory()
-        # One of them was asked for, to read the memory.
+        # One of them was requested, to read the memory.
         self.collected = collections() - before - 1
 
 
 def collections() -> int:
-    """Return how often Python has looked for cycles of objects."""
+    """Return the number of Python's garbage collections."""
     return sum(one["collections"] for one in gc.get_stats())
 
 

@@ -1,8 +1,8 @@
-"""Bodies thrown at each other, or at obstacles, by torques: are margins kept, with few rows?
+"""Limbs thrown at each other, or at obstacles, by torques: do margins hold with few rows?
 
-Random postures are asked for at a stiffness that no tick can follow, without contacts (all joints),
-standing (arms and waist), or standing among balls that hang where arms may come. All pairs are
-measured after every tick: one is broken that ends in a tick farther inside than it began.
+Random target postures at a stiffness that no tick can follow, without contacts (all joints),
+standing (arms and waist), or standing among balls within reach of the arms. All pairs are measured
+after every tick: a margin counts as broken if its violation grew in a tick.
 
     python benchmarks/thrown.py [--ticks 900] [--robots g1] [--among balls] [--pairs 5 25]
 """
@@ -33,7 +33,7 @@ BALLS, RADIUS, ROOM = 20, 0.05, 0.08  # m: of balls, and round them at the start
 
 
 def balls_of(robot: Robot, rng: np.random.Generator) -> list[Obstacle]:
-    """Return balls where arms may be thrown, none of them near the robot that stands."""
+    """Return balls within reach of the arms, none of them near the standing robot."""
     q = robot.posture("standing")
     here, model = robot.snapshot(q), SelfCollision(robot).model
     found: list[Obstacle] = []
@@ -53,7 +53,7 @@ def middles_of(model: CollisionModel, here: Snapshot) -> Array:
 
 
 def anywhere(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> Array:
-    """Return a random posture; of a robot that stands, arms and waist are anywhere."""
+    """Return a random posture; for a standing robot only arms and waist are random."""
     target = q.copy()
     lower, upper = (np.clip(end, -REACH, REACH) for end in (robot.limits.lower, robot.limits.upper))
     moved = np.array([not (stands and any(leg in j for leg in LEGS)) for j in robot.joint_names])
@@ -62,7 +62,7 @@ def anywhere(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> 
 
 
 def margins_of(robot: Robot, among: str, pairs: int, seed: int) -> tuple[Margin, Margin]:
-    """Return what keeps bodies apart, with rows for so many pairs, and what looks at all."""
+    """Return the margins with rows for this many pairs, and those that measure all pairs."""
     if among != "balls":
         return SelfCollision(robot, pairs=pairs), SelfCollision(robot, pairs=10_000)
     balls = balls_of(robot, np.random.default_rng(seed))
@@ -70,7 +70,7 @@ def margins_of(robot: Robot, among: str, pairs: int, seed: int) -> tuple[Margin,
 
 
 def controller_of(robot: Robot, stands: bool, margins: Margin) -> TorqueController:
-    """Return a controller whose last task is the posture that bodies are thrown by."""
+    """Return a controller whose last task is the random posture."""
     here = robot.snapshot(robot.posture("standing"))
     tasks = [ComTask(robot, here.com, weight=10.0)] if stands else []
     posture = PostureTask(robot, here.q, kp=STIFFNESS)
@@ -81,7 +81,7 @@ def controller_of(robot: Robot, stands: bool, margins: Margin) -> TorqueControll
 
 
 def thrown(name: str, among: str, pairs: int, ticks: int, seed: int) -> str:
-    """Return what was seen of one robot, among "nothing", on its "feet" alone or among "balls"."""
+    """Return the results of one robot, among "nothing", on its "feet" alone or among "balls"."""
     robot, rng = Robot.load(name), np.random.default_rng(seed)
     stands, margins, judge = among != "nothing", *margins_of(robot, among, pairs, seed)
     controller = controller_of(robot, stands, margins)
@@ -111,7 +111,7 @@ def thrown(name: str, among: str, pairs: int, ticks: int, seed: int) -> str:
 
 
 def times(name: str, ticks: int) -> None:
-    """Ticks of a robot that stands and moves its arms, with and without self-collision."""
+    """Time ticks of a standing robot that moves its arms, with and without self-collision."""
     robot = Robot.load(name)
     q = robot.posture("standing")
     for speed in (0.0, 1.0):  # rad/s of all joints

@@ -1,12 +1,12 @@
 """Time of one control tick by stages, on one core.
 
 The job: a humanoid on both feet follows moving targets for its inertia, CoM and torso orientation,
-with a posture task, position and velocity limits, dt = 5 ms; 2,000 ticks after 200 of warm-up. The
-neighbours' published figures for the same job without an inertia task are in docs/figures.md.
+with a posture task, position and velocity limits, dt = 5 ms; 2,000 ticks after 200 of warm-up.
+Figures of other packages for the same job without an inertia task are in docs/figures.md.
 
-Solvers and formulations are interleaved, block by block, so that a drift of the machine's speed
-hits all alike. Medians are wall time; p99 is thread CPU time, which other processes do not disturb.
-Every round is a process of its own: where memory happens to lie is a part of the noise.
+Solvers and formulations are interleaved, block by block, so that drift of the machine's speed
+affects all alike. Medians are wall time; p99 is thread CPU time, which other processes do not
+disturb. Every round is its own process, since the layout of memory is part of the noise.
 
     python benchmarks/tick.py [--robot g1] [--ticks 2000] [--solvers proxqp active_set]
         [--output benchmarks/RESULTS.md] [--history ticks.jsonl]
@@ -96,7 +96,7 @@ class Run:
         self.ticks += 1
 
     def told(self) -> dict[str, Any]:
-        """Return everything that was measured."""
+        """Return all measurements."""
         slips = [one.slip(self.robot.snapshot(self.q)) for one in self.controller.contacts]
         names = ("wall", "cpu", "stages", "com_error", "units", "failures")
         return {name: getattr(self, name) for name in names} | {"slip": max(slips)}
@@ -136,7 +136,7 @@ def torso_frame(robot: Robot) -> str:
 
 
 def run_round(robot: Robot, solvers: list[str], ticks: int) -> dict[str, Any]:
-    """Return what is measured in this process, by kind of tick."""
+    """Return the measurements of this process, by kind of tick."""
     runs = [make_run(robot, s, f) for s in solvers for f in ("equality", "reduced")]
     before = reference_time()
     for _ in range(-(-(WARM_UP + ticks) // BLOCK)):

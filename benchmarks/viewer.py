@@ -1,24 +1,22 @@
-"""What the live viewer costs the control loop: the same ticks with and without it, in turns.
+"""The cost of the live viewer in the control loop: the same ticks with and without it, in turns.
 
     python -m benchmarks.viewer [--problem problems/safe_reach_g1.yaml] [--blocks 40] [--ticks 100]
 
-Three loops take turns, block by block: one that nobody looks at; one that updates a viewer whose
-frames are made and thrown away; and one whose frames are drawn by the page's process, with a client
-that reads everything. The second is what the viewer takes from the loop: storing a reference, and
-the interpreter's lock while frames are made. What the third adds is another process that works
-beside the loop: nothing where a processor is free, its share of the machine where none is.
+Three loops take turns, block by block: one without a viewer; one that updates a viewer whose frames
+are made and thrown away; and one whose frames are drawn by the page's process, with a client that
+reads everything. The second measures the viewer's cost in the loop: storing a reference, and the
+interpreter's lock while frames are made. The third adds another process next to the loop: free on
+an idle processor, otherwise its share of the machine.
 
-Printed are medians over the blocks of the CPU time of the loop's thread and of the time by the
-clock, and the median ratio to the neighbouring block that nobody looks at, with the interval that
-holds it in 90 % of the samples drawn again from these blocks. Each block begins with ticks that are
-not measured, in which the page draws what it still has. Paced loops sleep until the next tick is
-due, as a real one does; their time is that of the ticks without the sleep. The client gives way to
-all others: it stands for a browser, which is not what is measured.
+Printed are medians over the blocks of the CPU time of the loop's thread and of clock time, and the
+median ratio to the neighbouring block without a viewer, with its 90 % bootstrap interval over these
+blocks. Each block begins with ticks that are not measured, in which the page finishes drawing.
+Paced loops sleep until the next tick is due, as a real one does; their time excludes the sleep. The
+client has the lowest priority: it stands for a browser, which is not measured.
 
-On a busy machine these ratios are noise of several percent. What the loop can lose in its own
+On a busy machine these ratios are noise of several percent. The loop's possible loss in its own
 process is bounded without them: by the CPU time of update() and of the frames that the viewer's
-threads make, as if a loop that keeps its pace had waited for all of it. What is drawn is drawn by
-another process.
+threads make, as if a paced loop had waited for all of it. Drawing happens in another process.
 """
 
 from __future__ import annotations
@@ -86,7 +84,7 @@ def block(
             viewer.update(snapshot, tick, k * dt)
         cpu += time.thread_time() - cpu_began
         clock += time.perf_counter() - began
-        if paced:  # as a real loop, which leaves the processor to others until its next period
+        if paced:  # as a real loop, which frees the processor until its next period
             due += dt
             time.sleep(max(0.0, due - time.perf_counter()))
     return cpu / (ticks - first), clock / (ticks - first)
@@ -94,7 +92,7 @@ def block(
 
 @contextmanager
 def client(url: str) -> Iterator[None]:
-    """Have a client in another process, which reads whatever the page sends."""
+    """Start a client in another process, which reads whatever the page sends."""
     program = _CLIENT.replace("CAMERA", repr(CAMERA))
     process = subprocess.Popen([sys.executable, "-c", program, url], stdout=subprocess.PIPE)
     try:
@@ -106,7 +104,7 @@ def client(url: str) -> Iterator[None]:
 
 
 def measure(problem: Problem, blocks: int, ticks: int, paced: bool, update: float) -> None:
-    """Print what the viewer costs, of which ``update`` [s] a tick is known."""
+    """Print the viewer's cost; ``update`` [s] is that of one update."""
     controller, q = problem.executor().controller, problem.parts.start
     found: dict[str, list[tuple[float, float]]] = {ALONE: [], MADE: [], DRAWN: []}
     frames: list[float] = []  # CPU time of each, in blocks whose frames are drawn
@@ -158,7 +156,7 @@ def increase(ratios: np.ndarray) -> str:
 
 
 def update_cost(problem: Problem) -> float:
-    """Return what one update takes by itself [s]."""
+    """Return the time of one update by itself [s]."""
     robot, controller = problem.parts.robot, problem.executor().controller
     snapshot = robot.snapshot(problem.parts.start)
     tick = controller.step(snapshot)

@@ -1,19 +1,18 @@
-"""What momentum, inertia and a firm foot are worth to a walk that is pushed, beside its bounds.
+"""Ablation of a pushed walk: momentum, inertia and a firm foot, with theoretical bounds.
 
-The largest impulse survived from four sides at phases of the step, as walk_pushes.py measures it,
-by variants of one walker that see the same seeds:
+The largest impulse survived from four sides at phases of the step, measured as in walk_pushes.py,
+by variants of one walker with the same seeds:
 
 free         no task about angular momentum or inertia;
-regulated    both to zero and to the start's, as firmly as the CoM is led (walk_comparison.py);
-soft foot    the default, but for the height of the foot in the air: a third of its weight;
+regulated    both to zero and to the start's, as firmly as the CoM (walk_comparison.py);
+soft foot    the default, with a third of the weight of the swing foot's height;
 planned      the default.
 
     python benchmarks/walk_ablation.py [benchmarks/walk_ablation.jsonl] [--robot g1]
         [--seeds 100 101] [--phases 0 3] [--grid 3] [--variants free regulated ...]
 
-Each variant, side, phase and seed is a line of the journal; what is there is not run again. The
-table has, beside the means over seeds, what walk_bounds.py has computed for a pendulum, where its
-file is there.
+Each variant, side, phase and seed is a line of the journal, and is not run twice. The table has the
+means over seeds and, if its file exists, the bounds of walk_bounds.py for a pendulum.
 """
 
 import os
@@ -41,7 +40,7 @@ from wbc.journal import Journal
 JOURNAL = Path(__file__).with_suffix(".jsonl")
 SOFT = WalkingWeights().lift / 3.0
 VARIANTS = ("free", "regulated", "soft foot", "planned")
-BASE = "regulated"  # what means are compared with
+BASE = "regulated"  # reference of the means
 
 
 def made(variant: str, robot: wbc.Robot) -> Walker:
@@ -111,7 +110,7 @@ def main() -> None:
     parser.add_argument("--variants", nargs="+", default=list(VARIANTS), choices=list(VARIANTS))
     given = parser.parse_args()
     given.delay, given.late, given.known = DELAY, False, False
-    logging.getLogger("wbc").setLevel(logging.ERROR)  # each walk has the same to say
+    logging.getLogger("wbc").setLevel(logging.ERROR)  # all walks give the same notes
     made_of = {
         "robot": given.robot,
         "grid": given.grid,
@@ -127,7 +126,7 @@ def main() -> None:
                 for r in rows.values()
                 if r["variant"] == variant
             }
-            guessed = {r["trial"]: r["impulse"] for r in rows.values()}  # near what others survive
+            guessed = {r["trial"]: r["impulse"] for r in rows.values()}  # of other variants
             for found in measured(given, maker(variant), own, guessed):
                 row = found | {"variant": variant, "trial": found["key"]}
                 row["key"] = f"{variant}/{found['key']}"

@@ -1,21 +1,21 @@
-"""The largest push that a walking pendulum captures: upper lines for walk_pushes.py.
+"""Upper bounds of the largest push that a walking pendulum captures, for walk_pushes.py.
 
-A robot walks and is pushed at its trunk as in walk_pushes.py. In its place a linear inverted
-pendulum whose footsteps, times of landing and centre of pressure are chosen with the push known
-beforehand, within what the walker counts on: reach and acceleration of the legs, whole soles, least
-and longest times in the air. Bounds:
+A robot walks and is pushed at its trunk as in walk_pushes.py. Here a linear inverted pendulum
+replaces it, whose footsteps, landing times and CoP are chosen with the push known beforehand,
+within the walker's assumptions: reach and acceleration of the legs, whole soles, least and longest
+swing times. Bounds:
 
 pendulum     no angular momentum about the CoM;
-momentum     it changes by at most RATE, and is given back: its integral is within TURN of the
-             locked inertia, its end is at rest;
+momentum     its rate is at most RATE, and it returns to rest: its integral is within TURN of the
+             locked inertia;
 inertia      likewise, while arms and legs make the inertia up to SPREAD times as large.
 
     python benchmarks/walk_bounds.py [benchmarks/walk_bounds.json] [--robot g1] [--rate 35 120]
 
-With the DCM xi = c + (c' + kappa)/omega, kappa = (k_y, -k_x)/(M h) (wbc.gait.phases.GaitState),
-xi' = omega (xi - p) - kappa + push. So by times that are given the largest impulse is a linear
-program, axis by axis; times are searched one after the other on a grid until none is better: a
-bound for that grid, and a local one in the times.
+With the DCM xi = c + (c' + kappa)/omega, kappa = (k_y, -k_x)/(M h) (wbc.gait.phases.GaitState), xi'
+= omega (xi - p) - kappa + push. For given times the largest impulse is thus a linear program, axis
+by axis. Times are searched one after the other on a grid until none improves it: a bound for that
+grid, and a local one in the times.
 """
 
 import argparse
@@ -53,7 +53,7 @@ AHEAD = {"back", "front"}
 
 @dataclass(frozen=True)
 class Walk:
-    """What a walker counts on, along one axis of a straight walk, pushed one way along it."""
+    """The walker's assumptions along one axis of a straight walk, pushed along that axis."""
 
     omega: float
     step: tuple[float, float]  # from each foot to the next, from SUPPORT and from the other [m]
@@ -71,7 +71,7 @@ class Walk:
 
 
 def walks(name: str, side: str, rate: float, turn: float) -> Walk:
-    """Return the walk of a robot pushed from a side; ``turn`` [rad] is of its locked inertia."""
+    """Return the walk of a robot pushed from a side; ``turn`` [rad], of its locked inertia."""
     robot = robot_named(name)
     walker = Walker(robot)
     gait, limits, axis = walker.gait, walker.limits, 0 if side in AHEAD else 1
@@ -108,7 +108,7 @@ def walks(name: str, side: str, rate: float, turn: float) -> Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """The walk as the push begins: seen from the foot that bears, or begins to."""
+    """The walk as the push begins, relative to the foot that bears load, or begins to."""
 
     dcm: float
     double: float  # of the double support that is left [s]
@@ -138,7 +138,7 @@ class Start:
 
 
 def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
-    """Return the largest impulse captured with these times on one foot [N s]; -inf if none.
+    """Return the largest impulse captured with these single-support times [N s]; -inf if none.
 
     Unknown are the impulse, the places of the next feet, what the pressure is off its line in each
     support (a mean, weighted as the DCM weighs it), and kappa at the nodes of the grid.
@@ -160,7 +160,7 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
         return math.exp(-w * since) - math.exp(-w * until)
 
     def moved(since: float, until: float) -> float:
-        """Return the discounted mean of a way that is made at a constant rate meanwhile."""
+        """Return the discounted mean of a displacement at constant rate in this interval."""
         d = until - since
         return math.exp(-w * since) * (1.0 - math.exp(-w * d) * (1.0 + w * d)) / (w * d)
 
@@ -224,7 +224,7 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
 
 
 def usual(walk: Walk, start: Start) -> list[list[float]]:
-    """Return the times on one foot with which a search begins [s]."""
+    """Return the initial single-support times of a search [s]."""
     found = []
     for time in (share * walk.single for share in BEGIN):
         found.append([max(time - start.elapsed, SOONEST)] + [time] * (STEPS - 1))
@@ -234,7 +234,7 @@ def usual(walk: Walk, start: Start) -> list[list[float]]:
 def largest(
     walk: Walk, start: Start, begins: Sequence[Sequence[float]]
 ) -> tuple[float, list[float]]:
-    """Return the largest impulse captured [N s], and its times on one foot [s].
+    """Return the largest impulse captured [N s], and its single-support times [s].
 
     They are searched one by one on a grid, from each of those in ``begins`` on.
     """
@@ -242,7 +242,7 @@ def largest(
 
 
 def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, list[float]]:
-    """Return :func:`largest` of one beginning."""
+    """Return :func:`largest` from one initial guess."""
     best, before, kept = captured(walk, start, times), -math.inf, list(times)
     while best > before + LEAST:
         before = best
@@ -258,7 +258,7 @@ def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, l
 
 
 def choices(walk: Walk, elapsed: float, most: float) -> Iterator[float]:
-    """Yield times that may be left on one foot [s]."""
+    """Yield candidates of the remaining single-support time [s]."""
     time = max(MIN_TIME_RATIO * walk.single - elapsed, SOONEST)
     while time <= most - elapsed:
         yield time

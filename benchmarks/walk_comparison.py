@@ -1,24 +1,24 @@
-"""What angular momentum and inertia are worth while walking: let go, regulated, and as planned.
+"""The effect of angular momentum and inertia tasks on a walk: free, regulated, and as planned.
 
-A robot walks, and is pushed at its trunk while it walks, by the same tasks but for what these say
-of angular momentum and inertia:
+A robot walks, and is pushed at its trunk during a walk, by the same tasks except those about
+angular momentum and inertia:
 
 free         no task about either;
-regulated    both to zero, the inertia to that at the start, about all axes as firmly as the CoM is
-             led, and about the vertical as firmly as by default;
-planned      the default: that of the swinging leg is let go, and regulated about the vertical,
-             where only friction holds a foot;
+regulated    both to zero, the inertia to that at the start, about all axes as firmly as the CoM,
+             and about the vertical as firmly as by default;
+planned      the default: that of the swing leg is free, except about the vertical, where only
+             friction holds a foot;
 yaw 10, ...  as planned, with another weight about the vertical (``WalkingWeights.yaw``).
 
-Told are how far the foot that stands turns in a step, by the simulation's own state, the largest
-torque by its motor's bound, and the largest impulse survived, bisected. Every trial has sensor
-noise of 1e-3 rad and 0.05 rad/s, 2 ms of delay and masses wrong by up to 10 %, by the seed.
+It reports how far the standing foot rotates in a step, by the simulation's true state, the largest
+torque relative to its motor's bound, and the largest impulse survived, bisected. Every trial has
+sensor noise of 1e-3 rad and 0.05 rad/s, 2 ms of delay and masses wrong by up to 10 %, by the seed.
 
     python benchmarks/walk_comparison.py [benchmarks/walk_comparison.jsonl] [--seeds 2]
         [--only walk push weight]
 
-Each trial is a line of the journal, and what is there already is not run again; how many are there
-that other code of this package walked is said in the end.
+Each trial is a line of the journal, and is not run twice; the end reports how many lines are of
+other code of this package.
 """
 
 import os
@@ -46,7 +46,7 @@ from wbc.simulation import SimulationError, SimulationTick, Terrain, simulate
 
 JOURNAL = Path(__file__).with_suffix(".jsonl")
 VARIANTS = ("free", "regulated", "planned")
-FIRM, IGNORED = 30.0, 1e-9  # weights: of the CoM's rows, in M kg m/s; of what is let go
+FIRM, IGNORED = 30.0, 1e-9  # weights: of the CoM's rows, in M kg m/s; of free rows
 YAW = (10.0, 60.0, 90.0, 180.0)  # weights tried
 SPEED = {"g1": 0.8, "talos": 0.5, "hoap2_like": 0.15}  # m/s
 TURN = 0.4  # rad/s, at half the speed
@@ -79,7 +79,7 @@ class Trial:
 
 
 def walker_of(robot: wbc.Robot, variant: str) -> Walker:
-    """Return what walks, with what it does of momentum and inertia."""
+    """Return the walker of a variant."""
     if variant == "free":
         return Walker(robot, weights=WalkingWeights(spin=IGNORED, yaw=IGNORED), dt=DT)
     if variant.startswith("yaw"):
@@ -93,7 +93,7 @@ def walker_of(robot: wbc.Robot, variant: str) -> Walker:
 
 
 class TurnOfFeet:
-    """How far the foot that bears turns about the vertical, step by step [rad], really."""
+    """The true rotation of the supporting foot about the vertical, step by step [rad]."""
 
     def __init__(self, walker: Walker) -> None:
         self.walker = walker
@@ -101,7 +101,7 @@ class TurnOfFeet:
         self._step, self._foot, self._begin = 0, "", 0.0
 
     def look(self, now: SimulationTick) -> None:
-        """Take note of a tick."""
+        """Measure a tick."""
         foot = getattr(self.walker.phase, "support", "")
         if (self.walker.steps, foot) == (self._step, self._foot):
             return
@@ -118,8 +118,8 @@ def _yaw(snapshot: Snapshot, foot: str) -> float:
     return math.atan2(x[1], x[0])
 
 
-def walked(trial: Trial) -> dict[str, Any]:
-    """Walk; return what came of it, as plain data."""
+def run_trial(trial: Trial) -> dict[str, Any]:
+    """Run a trial and return its results as plain data."""
     robot, ground = robot_named(trial.robot), Terrain(friction=trial.friction)
     plant = plant_of(robot, trial.seed, ground, robot.posture("standing"))
     walker = walker_of(robot, trial.variant)
@@ -225,7 +225,7 @@ def main() -> None:
 
         def run(trial: Trial) -> dict[str, Any]:
             if trial.key not in rows:
-                rows[trial.key] = {**walked(trial), "code": code_of()}
+                rows[trial.key] = {**run_trial(trial), "code": code_of()}
                 journal.add(rows[trial.key])
             return rows[trial.key]
 

@@ -1,16 +1,16 @@
 """The largest impulse that a walk survives: from four sides, at four phases of the step.
 
-A robot walks ahead and is pushed at its trunk for 0.2 s. It walks once for each seed; at each phase
-its process is copied (``fork``) for each push that is tried, so that all of them begin from the
-same state. The largest impulse survived is searched on a grid. Every trial has sensor noise of 1e-3
-rad and 0.05 rad/s, delay, and masses wrong by up to 10 %, by the seed.
+A robot walks ahead and is pushed at its trunk for 0.2 s. It walks once for each seed. At each phase
+its process is copied (``fork``) for each trial push, so that all pushes begin from the same state.
+The largest impulse survived is searched on a grid. Every trial has sensor noise of 1e-3 rad and
+0.05 rad/s, delay, and masses wrong by up to 10 %, by the seed.
 
     python benchmarks/walk_pushes.py [benchmarks/results/walk_pushes.jsonl] [--robot g1]
         [--seeds 0 1 2] [--sides back right front left] [--phases 0 1 2 3] [--grid 1.5]
         [--delay 0.002 [--late] [--known]]
 
-Each side, phase and seed is a line of the journal, with the code that it was measured with; what is
-there already is not run again, and a journal of other settings or other code is refused.
+Each side, phase and seed is a line of the journal, with the code that it was measured with, and is
+not run twice. A journal of other settings or other code is refused.
 """
 
 import os
@@ -49,7 +49,7 @@ LONGEST = 30.0  # s
 
 
 class PushedWalk:
-    """One walk, in the simulation's own time; copies of its process go on with a push each."""
+    """One walk, in simulated time; copies of its process continue with a push each."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class PushedWalk:
         return self.walker.prepare(snapshot, self.felt[0])
 
     def until(self, over: Callable[[], bool]) -> bool:
-        """Go on until then, or the last step; return whether the robot stands."""
+        """Continue until then, or the last step; return whether the robot stands."""
         try:
             while not over():
                 now = next(self.ticks, None)
@@ -93,7 +93,7 @@ class PushedWalk:
         return True
 
     def push(self, angle: float, impulse: float) -> Array:
-        """Push now, so many degrees from ahead to the left [N s]; return where to."""
+        """Push now, at this angle from ahead to the left [deg, N s]; return the end of the push."""
         a = math.radians(angle)
         way = np.array((math.cos(a), math.sin(a), 0.0))
         self.plant.push(heaviest_link(self.robot), impulse / LASTING * way, duration=LASTING)
@@ -110,7 +110,7 @@ class PushedWalk:
 
 
 def in_a_copy(call: Callable[[], Any]) -> Any:
-    """Return what a function, called in a copy of this process, returns as plain data."""
+    """Return the result, as plain data, of a function called in a copy of this process."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -156,7 +156,7 @@ def measured(
     known: dict[str, dict[str, Any]],
     guessed: Mapping[str, float] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Yield rows that are not known yet, seed by seed; searches begin where it is guessed."""
+    """Yield missing rows, seed by seed; searches begin at the guesses."""
     guesses: dict[tuple[str, int], list[float]] = {}
     for row in known.values():
         guesses.setdefault((row["side"], row["phase"]), []).append(row["impulse"])
@@ -210,7 +210,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return what reads the command."""
+    """Return the parser of the command line."""
     made = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     made.add_argument("journal", type=Path, nargs="?", default=JOURNAL)
     made.add_argument("--robot", default="g1", choices=list(SPEED))
@@ -225,7 +225,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(given: argparse.Namespace, make: Callable[..., Walker] = Walker, note: str = "") -> None:
-    """Measure what is missing, and tell the table."""
+    """Measure what is missing, and print the table."""
     made_of = {
         "robot": given.robot,
         "grid": given.grid,

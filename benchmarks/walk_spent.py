@@ -1,14 +1,14 @@
-"""What a walking robot spends on a push: angular momentum, and motors at their bounds.
+"""What a walking robot uses to recover from a push: angular momentum, and motors at their bounds.
 
 A robot walks, is pushed as in walk_pushes.py, and walks on without a push in a second copy of its
-process. Told are, of the time after the push began,
+process. Reported from the start of the push on:
 
-momentum     what angular momentum about the CoM has taken of the push: with kappa =
-             (k_y, -k_x)/(M h) along it, above that of the walk that is not pushed,
-             integral of exp(-omega t) kappa dt over what one newton second moves the DCM by [N s];
-turn         its integral, by the locked inertia about that axis: at most, and in the end [rad];
-motors       those at their bounds, with their part of the ticks, in the first step and the second;
-landed       how far from its footstep the foot of each step landed [m].
+momentum     the part of the push absorbed by angular momentum about the CoM: with kappa =
+             (k_y, -k_x)/(M h) along it, above that of the walk without a push, the
+             integral of exp(-omega t) kappa dt over the DCM's displacement per newton second [N s];
+turn         its integral, by the locked inertia about that axis: largest and final [rad];
+motors       those at their bounds, with their share of the ticks, in the first and second step;
+landed       the distance of each landed foot from its footstep [m].
 
     python benchmarks/walk_spent.py [benchmarks/walk_spent.json] [--robot g1] [--seed 100]
         [--sides back right front left] [--phases 0] [--impulses back=45 right=30 ...]
@@ -39,12 +39,12 @@ from wbc.simulation import SimulationError
 FILE = Path(__file__).with_suffix(".json")
 IMPULSES = {"back": 45.0, "right": 31.5, "front": 78.0, "left": 54.0}  # N s
 WINDOW = 0.8  # s, over which momentum counts
-OFTEN = 0.1  # of the ticks of a step, from which on a motor is told
+OFTEN = 0.1  # share of a step's ticks from which on a motor is reported
 STEPS = 2
 
 
 def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
-    """Push, go on, and return kappa tick by tick [m/s] and what each step was held by."""
+    """Push, continue, and return kappa tick by tick [m/s] and the limiting factors of each step."""
     begin, first, walker = walk.plant.time, walk.walker.steps, walk.walker
     way = walk.push(angle, impulse)
     scale = walk.robot.mass * walker.gait.height
@@ -83,7 +83,7 @@ def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
 
 
 def spent(walk: PushedWalk, side: str, impulse: float) -> dict[str, Any]:
-    """Return what is told of a push that begins now, as plain data."""
+    """Return the report of a push that begins now, as plain data."""
     free, pushed = (in_a_copy(partial(followed, walk, SIDES[side], J)) for J in (0.0, impulse))
     count = min(len(free["kappa"]), len(pushed["kappa"]))
     more = np.array(pushed["kappa"][:count]) - free["kappa"][:count]

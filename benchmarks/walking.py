@@ -1,23 +1,22 @@
 """How robots walk in MuJoCo: speeds, directions, pushes and ground, over seeds of noise and mass.
 
 Every trial has sensor noise of 1e-3 rad and 0.05 rad/s on joints and base, 2 ms of delay, and
-masses that are wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a
-journal, and what is there already is not run again; a journal of other settings, or begun with
-other code of this package, is refused.
+masses wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a journal, and
+is not run twice. A journal of other settings or other code of this package is refused.
 
-The group ``meshes`` measures the shapes of the robot's files against each other every 20 ms, with
-and without a ``SelfCollision`` constraint: told is the least distance, of pairs that are more than
-2 cm apart when the robot stands.
+The group ``meshes`` measures distances between the shapes of the robot's files every 20 ms, with
+and without a ``SelfCollision`` constraint. It reports the least distance of pairs that are more
+than 2 cm apart when the robot stands.
 
-The group ``sideways`` pushes every robot to both sides by as many M omega d, of the stance, as
-12 N s are for a G1: through the CoM, and at the origin of its trunk, which lies higher by a fifth
-(G1) to a half (Romeo) of the CoM's height, so that the same impulse moves the capture point
-farther.
+The group ``sideways`` pushes every robot to both sides with an impulse that equals 12 N s for a G1
+in units of M omega d of the stance: through the CoM, and at the origin of the trunk, which is
+higher by a fifth (G1) to a half (Romeo) of the CoM's height, so that the same impulse moves the
+capture point farther.
 
-With ``--speeds`` robots walk ahead at these, and do nothing else.
+With ``--speeds`` robots only walk ahead, at these speeds.
 
-With ``--estimated`` robots know of themselves only what an IMU, encoders and motor torques tell
-(``sensed_plant_of``), and feet feel what follows from the torques.
+With ``--estimated`` the state is estimated from IMU, encoders and motor torques alone
+(``sensed_plant_of``), and contacts are detected from the torques.
 
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
         [--robots g1] [--walks back left "turn 360"] [--speeds 1.2] [--seeds 10] [--workers 2]
@@ -60,10 +59,10 @@ MOST = 60.0  # s
 PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
 SIDEWAYS = 12.0  # N s on a G1, and its part of M omega d on others, at as slow a walk
 MARGIN = 5e-3  # m, of the constraint
-# How its margins brake: as joints can [rad/s^2], by so much of the clearance in a tick. By default
-# braking counts on 5 m/s^2, which an upper arm that turns 2 cm from the trunk does not have.
+# Braking before its margins: deceleration of joints [rad/s^2], fraction of the clearance per tick.
+# The default deceleration of 5 m/s^2 is too much for an upper arm that rotates 2 cm from the trunk.
 BRAKES, GAIN = 40.0, 0.1
-# What trials depend on beside their own numbers.
+# Settings and sources that trials depend on.
 MADE_OF = {
     "wbc": wbc.__version__,
     "code": code_of(),
@@ -72,8 +71,8 @@ MADE_OF = {
     "push": (FORCE, LASTING, SIDEWAYS),
     "margin": (MARGIN, BRAKES, GAIN),
 }
-MOMENT = 1.0  # s to wait for what came of a trial
-# Every how many ticks raw shapes are measured, and how far apart pairs stand that count [m].
+MOMENT = 1.0  # s to wait for the result of a trial
+# Ticks between measurements of raw shapes, and the least standing distance of pairs that count [m].
 MEASURED, STANDS = 10, 0.02
 GROUPS = ("speed", "push", "sideways", "ground", "schedule", "meshes")
 
@@ -156,7 +155,7 @@ def trials(seeds: int) -> Iterator[Trial]:
 
 
 def walks_ahead(seeds: int, robots: Sequence[str], speeds: Sequence[float]) -> Iterator[Trial]:
-    """Yield walks of robots at these speeds [m/s], seed by seed."""
+    """Yield walks of robots ahead at these speeds [m/s], seed by seed."""
     for seed, robot, v in itertools.product(range(seeds), robots, speeds):
         yield Trial("speed", f"ahead at {v:g}", robot, seed, ((0.2, v, 0.0, 0.0),))
 
@@ -186,7 +185,7 @@ SCHEDULE = (
 
 
 def terrain_of(ground: tuple[float, float, float] | str, seed: int) -> Terrain:
-    """Return the ground; boards of 0 and 2 cm, each 0.6 m deep, for the ones with steps."""
+    """Return the ground; ``steps`` has boards of 0 and 2 cm, each 0.6 m deep."""
     if ground == "steps":
         rng = np.random.default_rng(seed)
         boards, height = [], 0.0
@@ -202,7 +201,7 @@ def terrain_of(ground: tuple[float, float, float] | str, seed: int) -> Terrain:
 
 
 def force_on(trial: Trial) -> float:
-    """Return the force of a trial's push [N], which lasts as long as all of them."""
+    """Return the force of a trial's push [N]."""
     if trial.group == "push":
         return FORCE
     own, known = (
@@ -212,15 +211,15 @@ def force_on(trial: Trial) -> float:
     return SIDEWAYS / LASTING * own / known
 
 
-def kept_apart(robot: wbc.Robot) -> SelfCollision:
-    """Return the constraint that keeps a robot's bodies apart."""
+def self_collision_of(robot: wbc.Robot) -> SelfCollision:
+    """Return the self-collision constraint of a robot."""
     limits = wbc.Limits(robot, acceleration=BRAKES)
     braking = BrakingParameters(gain=GAIN)
     return SelfCollision(robot, margin=MARGIN, braking=braking, limits=limits)
 
 
-def walked(trial: Trial) -> dict[str, Any]:
-    """Walk; return what came of it, as plain data."""
+def run_trial(trial: Trial) -> dict[str, Any]:
+    """Run a trial and return its results as plain data."""
     robot = robot_named(trial.robot)
     terrain = terrain_of(trial.ground, trial.seed)
     flat = rotated_to_plane(
@@ -228,7 +227,7 @@ def walked(trial: Trial) -> dict[str, Any]:
     )  # soles lie flat on the ground
     made = sensed_plant_of if trial.estimated else plant_of
     plant = made(robot, trial.seed, terrain, flat)
-    margins = [kept_apart(robot)] if trial.bodies else []
+    margins = [self_collision_of(robot)] if trial.bodies else []
     walker = Walker(robot, constraints=margins, dt=DT)
     nearest = Nearest(robot) if trial.group == "meshes" else None
     commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]
@@ -284,12 +283,12 @@ class Nearest:
         self.least = math.inf, ""
 
     def look(self, q: np.ndarray) -> None:
-        """Take note of a configuration."""
+        """Measure a configuration."""
         self.least = min(self.least, self.raw.nearest(q, self.apart))
 
 
 def walk_in_processes(wanted: Sequence[Trial], size: int) -> Iterator[dict[str, Any]]:
-    """Yield what came of the trials, as it comes."""
+    """Yield results of the trials as they arrive."""
     ahead, left = iter(wanted), len(wanted)
     with Workers(_walking, size) as workers:
         while left:
@@ -303,11 +302,11 @@ def walk_in_processes(wanted: Sequence[Trial], size: int) -> Iterator[dict[str, 
 
 
 def _walking() -> Callable[[Trial], dict[str, Any]]:
-    return walked
+    return run_trial
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return what came of the trials, one line for each robot and kind."""
+    """Return the results, one line for each robot and kind."""
     lines = [f"{'group':9} {'robot':11} {'walk':20} {'stood':>9} {'m/s':>6} {'relaxed':>9}"]
     kinds: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:

@@ -1,21 +1,21 @@
-"""Wild ticks of both levels and every backend, each judged by solvers that had no part in it.
+"""Wild ticks of both levels and every backend, each checked by independent solvers.
 
-States far from a stance, joints that rush, feet anchored where they are not, a second anchor for a
-foot, motors too weak for the stance; self-collision at the velocity level. Every answer is a claim,
-and each claim is judged:
+States far from a stance, fast joints, feet with wrong anchors, a second anchor for a foot, motors
+too weak for the stance; self-collision at the velocity level. Every answer is a claim, which is
+checked:
 
-- solved: no row is missed, and the optimum of Clarabel (active-set, where Clarabel was asked) costs
-  no less;
-- conflict: by HiGHS, the rows named cannot all hold, and can without any one of them;
+- solved: no row is violated, and the optimum of Clarabel (active-set, if the backend is Clarabel)
+  costs no less;
+- conflict: by HiGHS, the named rows cannot all hold, and can without any one of them;
 - infeasible, with no rows named: by HiGHS, all rows together cannot hold;
-- relaxed (torques): a conflict was named, which is judged, or a deadline was over, and there is
-  none; else it is relaxed without a certificate, and HiGHS says whether it need have been;
+- relaxed (torques): a conflict was named, which is checked; or a deadline was over, and there is no
+  conflict; else it is relaxed without a certificate, and HiGHS says whether relaxing was necessary;
 - failed: no answer and no certificate; HiGHS says whether there is a solution.
 
     python benchmarks/wild_ticks.py [--ticks 10000] [--levels velocity torque]
         [--backends proxqp ...] [--robots g1 ...] [--seed 1] [--output benchmarks/RESULTS.md]
 
-A wrong claim ends in exit code 1.
+A wrong claim gives exit code 1.
 """
 
 import os
@@ -51,7 +51,7 @@ CLAIMS = (
 
 
 def wild(robot: wbc.Robot, level: str, backend: str, rng: np.random.Generator) -> Iterator[tuple]:
-    """Yield ticks of one controller, with what set them up."""
+    """Yield ticks of one controller, with their inputs."""
     start = robot.snapshot(robot.posture("standing"))
     spread = 10.0 ** rng.uniform(-3.0, -0.5)
     here = thrown(robot, start, spread, rng)
@@ -80,14 +80,14 @@ def wild(robot: wbc.Robot, level: str, backend: str, rng: np.random.Generator) -
 
 
 def thrown(robot: wbc.Robot, here: wbc.Snapshot, size: float, rng: np.random.Generator):
-    """Return a state away from another one, at any speed."""
+    """Return a state far from another one, at any speed."""
     away = np.concatenate((0.1 * size * rng.normal(size=6), size * rng.normal(size=robot.nv - 6)))
     q = robot.integrate(here.q, away, 1.0)
     return robot.snapshot(q, 10.0 ** rng.uniform(-2.0, 0.3) * rng.normal(size=robot.nv))
 
 
 def missed_by(qp: QP, x: np.ndarray) -> float:
-    """Return by how much an answer misses a row, relative to the row's end where above 1."""
+    """Return the largest violation of a row, relative to the row's bound where above 1."""
     rows = np.concatenate((qp.A, qp.C, np.eye(qp.g.size))) @ x
     lower = np.concatenate((qp.b, qp.l, qp.lower))
     upper = np.concatenate((qp.b, qp.u, qp.upper))
@@ -97,7 +97,7 @@ def missed_by(qp: QP, x: np.ndarray) -> float:
 
 
 def costs_more(qp: QP, x: np.ndarray, backend: str) -> float | None:
-    """Return by how much an answer costs more than another solver's; None: it has none."""
+    """Return the excess cost over another solver's optimum; None if that solver has none."""
     judge = make_backend("active_set" if backend == "clarabel" else "clarabel").solve(qp)
     if not judge.solved:
         return None
@@ -106,14 +106,14 @@ def costs_more(qp: QP, x: np.ndarray, backend: str) -> float | None:
 
 
 def judged(controller: wbc.Controller, snapshot: wbc.Snapshot, tick: wbc.Tick, backend: str):
-    """Return the claim of a tick, and what is wrong with it."""
+    """Return the claim of a tick, and its error if it is wrong."""
     if tick.ok and tick.policy is None:
         qp = tick.qp
         if (far := missed_by(qp, tick.solution.x)) > LEAVES:
             return "solved", f"misses a row by {far:.1e}"
         more = costs_more(qp, tick.solution.x, backend)
         if more is None:
-            return "solved", ""  # of which the judge knows nothing; no row is missed
+            return "solved", ""  # unknown to the other solver; no row is violated
         return "solved", f"costs {more:.1e} more" if more > COSTS else ""
     hard = (
         tick.qp if tick.policy != "relax" else controller.core.tick(snapshot, solve=False).qp_of(0)
@@ -129,7 +129,7 @@ def judged(controller: wbc.Controller, snapshot: wbc.Snapshot, tick: wbc.Tick, b
 
 
 def measured(level: str, backend: str, robots: list[wbc.Robot], ticks: int, seed: int):
-    """Return how often what was claimed, how often wrongly, and examples."""
+    """Return counts of claims and of wrong ones, with examples."""
     claims, wrong, examples = Counter[str](), Counter[str](), list[str]()
     while sum(claims.values()) < ticks:
         number = sum(claims.values())
