@@ -1,7 +1,7 @@
-"""How fast an inertia task arrives at targets, most of them out of reach; by kind of step.
+"""Arrival times of an inertia task at targets, most of them out of reach; by kind of step.
 
-For each target: the seconds of motion until the error stays within 1 % of what it ends at (found by
-going on for longer), what it ends at as a part of the start's, and the CPU time of a tick.
+For each target: the seconds of motion until the error stays within 1 % of its final value (found by
+continuing for longer), the final error relative to the start's, and the CPU time of a tick.
 
     python benchmarks/arrival.py [--robots g1 hoap2_like talos] [--targets 12] [--solver active_set]
 """

@@ -1,4 +1,4 @@
-"""How well a pendulum is balanced: pushes survived all around, and starts brought to rest."""
+"""Figures of a pendulum's balance: pushes survived all around, and starts brought to rest."""
 
 from __future__ import annotations
 

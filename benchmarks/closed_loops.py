@@ -1,12 +1,12 @@
-"""Bipeds with closed loops in their MJCF, Cassie and Digit: stand by torques at motors alone.
+"""Bipeds with closed loops in their MJCF, Cassie and Digit: standing by torques at motors alone.
 
-Leaf springs are taken for rigid, or are joints that give way (``--free``) and begin at rest; the
-ball ends of rods are three hinges each. They are pushed ahead by 0.3 M omega d after a second, in
-our plant and in the file's own model under raw MuJoCo, in which springs give way, and loops and
-contacts a little.
+Leaf springs are rigid, or compliant joints (``--free``) that begin at rest; the ball ends of rods
+are three hinges each. The robots are pushed ahead by 0.3 M omega d after a second, in our plant and
+in the file's own model under raw MuJoCo, with compliant springs and slightly compliant loops and
+contacts.
 
-The posture that is kept is that of joints with motors: what bears is 30 to 40 mrad from where it
-rests.
+The posture target is that of joints with motors: under load they are 30 to 40 mrad from their rest
+position.
 
     python benchmarks/closed_loops.py cassie.xml [--seconds 10] [--free] [--push 0.3]
 """

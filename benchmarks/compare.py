@@ -1,12 +1,13 @@
-"""Compare two revisions: do all problems give the same results, and what does a tick cost?
+"""Compare two revisions: results of all problems, and the time of a tick.
 
-1. Each revision's command line runs every ``problems/*.yaml`` of its own; all that both results
-   hold is compared: final state, errors, histories, plans, verdicts. A difference of numbers counts
-   above 1e-6 of one plus their size; the older revision then runs ``--repeat`` times more and is
-   compared with itself, since identical processes differ in rounding and some problems amplify it.
+1. Each revision's command line runs every ``problems/*.yaml`` of its own; all entries that both
+   results have are compared: final state, errors, histories, plans, verdicts. A difference of
+   numbers counts above 1e-6 of one plus their size; the older revision then runs ``--repeat`` times
+   more and is compared with itself, since identical processes differ in rounding and some problems
+   amplify it.
 2. Ticks of the same jobs, by processes of each revision in turns on one core: CPU time of snapshot
    and step. Each round has new processes, hence the range of the ratio. "Apart": difference of the
-   configurations in the end, rounding if both did the same work.
+   final configurations, rounding if both did the same work.
 
     python benchmarks/compare.py --base REV [--problems 'plan_*'] [--only results|times]
 """
@@ -45,7 +46,7 @@ NO_RESULTS = (
 
 @dataclass
 class Outcome:
-    """What a revision made of a problem: exit code, entries by dotted name, error message."""
+    """A revision's result of a problem: exit code, entries by dotted name, error message."""
 
     code: int
     entries: dict[str, np.ndarray]
@@ -69,7 +70,7 @@ def run_problem(tree: Path, name: str) -> Outcome:
 
 
 def read_entries(path: Path) -> dict[str, np.ndarray]:
-    """Return arrays and summary of a result by dotted names, without what cannot be compared."""
+    """Return arrays and summary of a result by dotted names, without incomparable entries."""
     with np.load(path) as file:
         found = [leaves(name, file[name]) for name in file.files]
     entries = {name: one for part in found for name, one in part.items()}
@@ -103,7 +104,7 @@ def new_name(name: str) -> str:
 
 @dataclass
 class Comparison:
-    """What differs: the largest gap of each entry with its place, and other things in words."""
+    """The differences: the largest gap of each entry with its place, and others in words."""
 
     gaps: list[tuple[float, str]] = field(default_factory=lambda: [(0.0, "")])
     words: list[str] = field(default_factory=list)
@@ -114,7 +115,7 @@ class Comparison:
 
 
 def compare(before: Outcome, after: Outcome) -> Comparison:
-    """Compare all entries that both outcomes hold."""
+    """Compare all entries of both outcomes."""
     old, new = {new_name(name): one for name, one in before.entries.items()}, after.entries
     found = Comparison()
     if not (old or new):
@@ -181,7 +182,7 @@ JOBS = (*SOLVERS, "25 pairs of bodies", "three levels", "without inertia")
 
 
 def make_run(job: str) -> Any:
-    """Return a run of tick.py's job or a variant of it, by the revision that this process has."""
+    """Return a run of tick.py's job or a variant of it, by this process's revision."""
     import collision
     import tick
 
@@ -266,7 +267,7 @@ def compare_times(before: Path, after: Path, rounds: int, ticks: int) -> None:
 
 @contextmanager
 def files_of(revision: str) -> Iterator[Path]:
-    """Yield a temporary work tree of a revision, its core compiled."""
+    """Yield a temporary work tree of a revision, with its core compiled."""
     git = ["git", "-C", str(HERE), "worktree"]
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([*git, "add", "--quiet", "--detach", folder, revision], check=True)

@@ -1,4 +1,4 @@
-"""Robots as walks and motions are measured on: with noise, delay, and masses wrong by a seed."""
+"""Disturbed simulations for walks and motions: noise, delay, and wrong masses by a seed."""
 
 from functools import cache
 
@@ -42,7 +42,7 @@ def plant_of(
 
 
 def sensed_plant_of(robot: wbc.Robot, seed: int, terrain: Terrain, q: Array) -> SensedPlant:
-    """Return the simulation of a robot that knows of itself only what its devices tell."""
+    """Return the simulation of a robot that measures only with its devices."""
     frame = "imu_in_pelvis" if "imu_in_pelvis" in robot.frame_names else "base"
     devices = Devices(imus=(Imu(frame=frame),), seed=seed)
     wrong = ModelMismatch(mass=mass_of(seed))

@@ -1,4 +1,4 @@
-"""A robot at several moments in one picture, each where it was: a walk, and the ground below it."""
+"""A robot at several moments in one picture, each in its place: a walk, and the ground below it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a feature adds to a tick: the same closed loop with one feature more, in turns.
+"""The cost of a feature in a tick: the same closed loop with one feature more, in turns.
 
 A G1 on both feet follows a moving CoM, with its trunk's orientation, a posture, position and
 velocity limits, dt = 5 ms. "own" is a task written in Python (its evaluation is in the time);

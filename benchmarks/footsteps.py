@@ -1,9 +1,9 @@
-"""Where feet land against the footsteps that were given, by the simulation's own state.
+"""Landing places against the given footsteps, by the simulation's true state.
 
-Runs problems/footsteps_g1.yaml over seeds of its noise, each with another mass that is wrong by up
-to 10 %, and once without noise; other robots make its footsteps shorter, as their legs are, and
-without self-collision. A foot's place is taken in the middle of its next time alone on the ground,
-the last one's in the end.
+Runs problems/footsteps_g1.yaml over seeds of its noise, each with another mass wrong by up to 10 %,
+and once without noise; other robots take shorter steps, scaled by their legs, without
+self-collision. A foot's place is measured in the middle of its next single support, the last one's
+in the end.
 
     python benchmarks/footsteps.py [--seeds 10] [--robots g1 talos hoap2_like]
 """
@@ -55,7 +55,7 @@ def problem_of(name: str, seed: int | None) -> Problem:
 
 
 def landed(result: SimulationResult, count: int) -> list[np.ndarray]:
-    """Return x, y, yaw (3,) of the feet that landed, really, in order."""
+    """Return the true x, y, yaw (3,) of the landed feet, in order."""
     support = result.arrays["support"]
     edges = [0, *(np.flatnonzero(support[1:] != support[:-1]) + 1).tolist(), len(support)]
     alone = [(str(support[a]), a, b) for a, b in pairwise(edges) if support[a] in ("left", "right")]

@@ -1,4 +1,4 @@
-"""Gains that differ within a level act as weights: where tasks that compete come to rest.
+"""Different gains within a level act as weights: where competing tasks come to rest.
 
     python benchmarks/gains.py docs/howto/tuning.md     puts the table into its place on a page
 
@@ -21,7 +21,7 @@ TICKS, DT = 1500, 0.005
 def at_rest(
     robot: wbc.Robot, reaching: float, others: float, weighs_error: bool
 ) -> tuple[float, float, float]:
-    """Return what is left of CoM [m], hand [m] and trunk [rad]."""
+    """Return the remaining errors of CoM [m], hand [m] and trunk [rad]."""
     q, v = robot.posture("standing"), np.zeros(robot.nv)
     start, how = robot.snapshot(q), {"weighs_error": weighs_error}
     tasks = [

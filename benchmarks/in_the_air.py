@@ -1,9 +1,9 @@
-"""What the hop and the somersault of the problem files come to.
+"""Figures of the problem files' hop and somersault.
 
-The hop (problems/hop_g1.yaml): speed of the CoM where the ground lets go, as it is and as planned;
-how high the lower sole comes; when the ground is touched, against the plan, and how fast the faster
-sole comes down in the tick before. The somersault (problems/somersault_hoap2.yaml): rate of the
-base about the axis it turns about, and moment of inertia about it, spread and tucked.
+The hop (problems/hop_g1.yaml): speed of the CoM at take-off, actual and planned; the height of the
+lower sole; the time of touchdown against the plan, and the speed of the faster sole in the tick
+before. The somersault (problems/somersault_hoap2.yaml): rate of the base about its axis of
+rotation, and moment of inertia about it, spread and tucked.
 
     python benchmarks/in_the_air.py
 """
@@ -25,7 +25,7 @@ FALLS = 0.5  # m/s^2 off gravity within which a plan is in flight: a tick of the
 
 
 def simulated(name: str) -> tuple[Problem, SimulationResult, list[Snapshot]]:
-    """Return a file's problem, what came of it, and the true states."""
+    """Return a file's problem, its result, and the true states."""
     problem = load_problem(PROBLEMS / name)
     assert isinstance(problem, Problem)
     result = problem.simulate()

@@ -1,9 +1,9 @@
-"""Run a study and keep what it prints, in ``benchmarks/kept/NAME.txt``, to which pages are held.
+"""Run a study and keep its output in ``benchmarks/kept/NAME.txt``, with which pages are compared.
 
     python benchmarks/keep.py in_the_air python benchmarks/in_the_air.py
     python benchmarks/keep.py push_g1 wbc push problems/push_g1.yaml --directions 16
 
-The file begins with the command and the machine. It is written when the command has ended well.
+The file begins with the command and the machine. It is written if the command succeeds.
 """
 
 import shlex

@@ -70,7 +70,7 @@ def largest_mean(force: np.ndarray, steps: int) -> float:
 
 
 def slipped(problem: Problem, result: SimulationResult) -> float:
-    """Return how far a foot truly was from where it was when its holding began [m], at most."""
+    """Return the largest true slip of a foot from its place at the start of holding [m]."""
     robot, support = problem.parts.robot, result.run.history.support
     true = [robot.snapshot(q) for q in result.arrays["q"][: len(support)]]
     worst = 0.0

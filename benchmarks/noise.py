@@ -1,9 +1,9 @@
-"""What noise does to `wbc analyze`: how often its 95 % bands hold the truth, and a picture of it.
+"""Effects of noise on `wbc analyze`: how often its 95 % bands hold the truth, and a picture.
 
 A G1 stands on its left foot and swings its arms; its joints are recorded at 200 Hz with white noise
 of 1 mrad, and nothing else (the base follows from the planted foot). Trials of other noise are
-compared with the analysis of the motion without noise. The picture shows the first of them: judged
-without bands, with them, and at the cutoff that residual analysis finds.
+compared with the analysis of the motion without noise. The picture shows the first of them: without
+bands, with them, and at the cutoff of residual analysis.
 
     python benchmarks/noise.py [--trials 50] [-o benchmarks/noise.json] [--plot PICTURE]
 """
@@ -69,7 +69,7 @@ def noisy(motion: Motion, seed: int) -> Motion:
 
 
 def coverages(motion: Motion, trials: int) -> dict[str, float]:
-    """Return how many per cent of the frames of all trials have the truth within the band."""
+    """Return the percentage of the frames of all trials with the truth within the band."""
     truth = analyze(motion, planted="left", noise=None)
     found: dict[str, list[float]] = {name: [] for name in QUANTITIES}
     for seed in range(trials):
@@ -83,7 +83,7 @@ def coverages(motion: Motion, trials: int) -> dict[str, float]:
 
 
 def judged(series: RmpSeries) -> dict[str, float | int | None]:
-    """Return what an analysis says of the CoP [mm, Hz]."""
+    """Return an analysis's figures of the CoP [mm, Hz]."""
     margin, uncertainty = series.cop_margin, series.uncertainty
     assert margin is not None
     deviation = None if uncertainty is None else uncertainty.cop_margin

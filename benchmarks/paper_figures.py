@@ -1,9 +1,8 @@
-"""The paper's Fig. 6 and Fig. 7 as the shipped problems run them, judged by code of their own.
+"""The paper's Fig. 6 and Fig. 7 as the shipped problems run them, checked independently.
 
-Fig. 6: the error at the end by that at the start, beside what SciPy's L-BFGS-B comes to from the
-same start with exact gradients; the gradient without what pushes against a limit, end by start, by
-central differences of Pinocchio's inertia; and the ticks. Fig. 7: how far the CoM is from where it
-is wanted, and how far feet moved.
+Fig. 6: the final error relative to the start's, compared with SciPy's L-BFGS-B from the same start
+with exact gradients; the projected gradient, end by start, by central differences of Pinocchio's
+inertia; and the ticks. Fig. 7: the CoM's error, and the motion of the feet.
 
     python benchmarks/paper_figures.py
 """
@@ -56,7 +55,7 @@ def numeric_gradient(robot: Robot, q: np.ndarray, target: np.ndarray) -> np.ndar
 
 
 def projected(robot: Robot, q: np.ndarray, gradient: np.ndarray) -> float:
-    """Norm of the gradient without what pushes against an active limit."""
+    """Norm of the gradient without components that push against an active limit."""
     joints, limits = q[7:], robot.limits
     blocked = (joints > limits.upper - ACTIVE) & (gradient < 0)
     blocked |= (joints < limits.lower + ACTIVE) & (gradient > 0)

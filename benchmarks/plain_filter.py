@@ -1,8 +1,8 @@
 """A plain error-state Kalman filter of the same IMU and feet, for comparison.
 
-Errors are differences of vectors, and rotations by small turns in the body's own axes, as in
+Errors are differences of vectors, and rotations by small angles in the body's own axes, as in
 Bloesch et al., *State estimation for legged robots* (2013), with flat feet. Its Jacobians depend on
-the state that it believes in.
+the estimated state.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PlainFilter:
         self.P = turned @ covariance @ turned.T
 
     def hold(self, place: Array, noise: Array) -> None:
-        """Add a foot where it is seen."""
+        """Add a foot at its measured place."""
         turn = place[3:].reshape(3, 3)
         self.feet.append((self.p + self.R @ place[:3], self.R @ turn))
         n = len(self.P)
@@ -63,7 +63,7 @@ class PlainFilter:
         self.R = R @ exp_rotation(dt * w)
 
     def correct(self, k: int, place: Array, noise: Array) -> float:
-        """Correct by where a foot is seen; return the normalised innovation squared."""
+        """Correct by a foot's measurement; return the normalised innovation squared."""
         d, own = self.feet[k]
         expected, turn = self.R.T @ (d - self.p), self.R.T @ own
         at, n = 15 + 6 * k, len(self.P)

@@ -1,9 +1,9 @@
-"""Every planning example from a cold start: size, iterations, CPU time, and how true the plan is.
+"""Every planning example from a cold start: size, iterations, CPU time, and accuracy.
 
     python benchmarks/planner.py [--factor 8]
 
 Defect: worst difference to an integration of each interval anew. Excess: worst violation of a limit
-at ``factor`` points an interval (SI; negative is room). Drift: of k_G over a flight. The examples
+at ``factor`` points an interval (SI; negative: slack). Drift: of k_G over a flight. The examples
 are files of problems/, two of them with more of a turn.
 """
 

@@ -1,8 +1,8 @@
-"""How well humanoids in physics follow plans of the pendulum: squat, lean and push, G1 and TALOS.
+"""Tracking errors of simulated humanoids on the pendulum's plans: squat, lean, push; G1 and TALOS.
 
 Each plan is solved from the robot's own pendulum and followed by torques (problems/track_*.yaml).
-Reported, while the plan lasts: distance of the CoM (root mean square, worst), of the CoP, and of
-the angular momentum, this in parts of the plan's peak; ticks in which something gave way.
+Reported, while the plan lasts: error of the CoM (root mean square, worst), of the CoP, and of the
+angular momentum, the last relative to the plan's peak; and relaxed ticks.
 
     python benchmarks/plans.py [--problems problems/track_squat_g1.yaml ...] [--set PATH=VALUE ...]
 """

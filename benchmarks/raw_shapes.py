@@ -1,4 +1,4 @@
-"""Distances of a robot's bodies by the shapes of its files: what margins are judged by."""
+"""Distances of a robot's bodies by the shapes of its files: the reference for margins."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -35,7 +35,7 @@ class RawShapes:
         self.radii = radii[self.pairs].sum(axis=1)
 
     def broken(self, q: np.ndarray) -> tuple[float, str]:
-        """Return by how much a margin is broken [m] at most, and by which pair; 0 if none is."""
+        """Return the largest violation of a margin [m], and its pair; 0 if there is none."""
         solids, bound = self._placed(q)
         worst = 0.0, ""
         for k in np.flatnonzero(bound < self.margins):

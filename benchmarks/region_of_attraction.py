@@ -1,4 +1,4 @@
-"""From which leans does a law bring the pendulum back? Measured, on a grid, all runs in one go."""
+"""The leans from which a law brings the pendulum back, measured on a grid, all runs in one call."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from wbc.validate import Array
 
 # How near to rest counts as attracted: angles [rad] and rates [rad/s], lengths relative to the leg.
 NEAR = 0.02
-# Time between looks at who has fallen and who has settled [s].
+# Time between checks for fallen and settled runs [s].
 LOOK = 0.1
 
 
 class SymbolicLaw(Protocol):
-    """A law that is a CasADi Function, so that many runs of it go through one."""
+    """A law that is a CasADi Function, so that many runs go through one call."""
 
     @property
     def model(self) -> SolidRmp:
@@ -33,11 +33,11 @@ class SymbolicLaw(Protocol):
 
 
 class Region(NamedTuple):
-    """What became of each start."""
+    """The result of each start."""
 
     starts: Array  # (q, v) (n, 23)
     attracted: NDArray[np.bool_]  # whether it came to rest (n,)
-    settling: Array  # when [s] (n,), to the next look; NaN where it did not
+    settling: Array  # when [s] (n,), to the next check; NaN if it did not
     error: Array  # distance from rest when last looked at (n,), see rest_error
 
 
@@ -66,7 +66,7 @@ def lean_grid(rest: Array, x_leans: Array, y_leans: Array) -> Array:
 
 
 def rest_error(states: Array, rest: Array) -> Array:
-    """Return how far states (n, 23) are from rest at the configuration (12,), as one number (n,).
+    """Return the distance of states (n, 23) from rest at (12,), as one number (n,).
 
     The largest of: the angles of leg and masses [rad], their rates [rad/s], the leg's length and
     the radii relative to the leg, and their rates per second.

@@ -1,8 +1,8 @@
-"""Steps of a pendulum with springs through time, on the rotation group and by Runge and Kutta.
+"""Integrators of a pendulum with springs: on the rotation group, and Runge-Kutta.
 
 A step is a CasADi Function (x, u) -> (x_next, residual) with x = (q, v) and u = (CoP acceleration,
-generalised forces), constant through the step. ``residual`` tells how well an implicit step was
-solved; it is zero for an explicit one. :func:`rollout` takes many.
+generalised forces), constant through the step. ``residual`` is the error of an implicit step's
+solution; it is zero for an explicit one. :func:`rollout` takes many steps.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""How long the closed loop in MuJoCo takes: ten simulated seconds of standing, on one core.
+"""Time of the closed loop in MuJoCo: ten simulated seconds of standing, on one core.
 
 The job: a humanoid on both feet under the torque controller at 500 Hz with CoM, momentum, inertia,
 torso and posture tasks, friction cones, torque bounds and joint limits; 1 ms physics; pushed once.
-Times are thread CPU time, which other processes disturb least; the physics alone is what
-``Plant.step`` takes. With --walk the robot walks in place of that: footsteps and goals, the tick
-that follows, and the physics, by tick.
+Times are thread CPU time, which other processes disturb least; the physics' time is that of
+``Plant.step``. With --walk the robot walks instead: footsteps and goals, the tick, and the physics,
+per tick.
 
     python benchmarks/simulation.py [--robots g1 talos] [--solvers active_set proxqp] [--seconds 10]
         [--walk]
@@ -28,7 +28,7 @@ TRUNKS = {"g1": "torso_link", "g1_27": "torso_link", "talos": "torso_2_link"}
 
 
 class TimedPlant(Plant):
-    """A plant that adds up what its steps take."""
+    """A plant that sums the time of its steps."""
 
     spent = 0.0
 

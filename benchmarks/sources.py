@@ -1,4 +1,4 @@
-"""What figures depend on beside their settings: the code that they were measured with."""
+"""The version of the code that figures depend on."""
 
 import hashlib
 from functools import cache
@@ -11,7 +11,7 @@ SUFFIXES = {".py", ".c", ".h", ".urdf"}
 
 @cache
 def code_of(package: Path = Path(wbc.__file__).parent) -> str:
-    """Return a hash of a package's sources: what a run found so far, other code does not go on."""
+    """Return a hash of a package's sources; results of other code are not continued."""
     content = hashlib.sha256()
     for file in sorted(file for file in package.rglob("*") if file.suffix in SUFFIXES):
         name = file.relative_to(package).as_posix()

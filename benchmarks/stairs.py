@@ -1,8 +1,8 @@
-"""Stairs and stepping stones on footsteps with given heights and tilts: how many runs stand.
+"""Stairs and stepping stones on footsteps with given heights and tilts: runs that stand.
 
 Runs problems/stairs_g1.yaml and problems/stones_g1.yaml over seeds of their noise, each with
-another mass that is wrong by up to 10 %. Other robots make the same with sizes and times of their
-own: stairs of 3 cm for a small humanoid.
+another mass wrong by up to 10 %. Other robots do the same with their own sizes and times: stairs of
+3 cm for a small humanoid.
 
     python benchmarks/stairs.py [--seeds 10] [--first 0] [--robots g1 hoap2_like] [--only stairs]
 """
@@ -51,7 +51,7 @@ def problem_of(kind: str, name: str, seed: int) -> Problem:
 
 
 def scaled(path: Path, name: str) -> dict[str, Any]:
-    """Return footsteps and terrain for another robot, from where its feet stand."""
+    """Return footsteps and terrain for another robot, from its standing feet on."""
     long, wide, high, slow = SIZES[name]
     starts = [
         robot.snapshot(robot.posture("standing")).position(robot.feet["left"].frame)[0]
@@ -75,7 +75,7 @@ def scaled(path: Path, name: str) -> dict[str, Any]:
 
 
 def measure(kind: str, name: str, seed: int) -> tuple[bool, str]:
-    """Return whether the robot stands in the end with all footsteps made, and a line."""
+    """Return whether the robot stands in the end with all footsteps done, and a line."""
     told = f"{kind:7} {name:11} seed {seed:2}"
     try:
         problem = problem_of(kind, name, seed)

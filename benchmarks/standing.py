@@ -1,8 +1,8 @@
-"""How still a humanoid stands for long: noise, delay and a wrong mass, on MuJoCo's ground.
+"""The drift of a humanoid that stands for long: noise, delay and a wrong mass, in MuJoCo.
 
 Default gains: CoM, trunk and posture tasks, feet on the ground, joint limits. Sensors have noise of
-1e-3 rad and 0.05 rad/s on every joint and on the base, and are 4 ms late; the "real" masses are
-10 % off by turns. Reported: how far the feet and the CoM have moved, and the relaxed ticks.
+1e-3 rad and 0.05 rad/s on every joint and on the base, and are 4 ms late; the "real" masses are 10
+% off, alternating. Reported: the motion of the feet and the CoM, and the relaxed ticks.
 
     python benchmarks/standing.py [--robots g1] [--minutes 10] [--mass 1.0 0.9] [--solver NAME]
 """

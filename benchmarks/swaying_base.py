@@ -1,4 +1,4 @@
-"""A base with an IMU that sways over two feet which stand: a world that a filter can count on."""
+"""A base with an IMU that sways over two standing feet: a world that matches the filter's model."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from wbc.validate import Array
 
 G = np.array((0.0, 0.0, -9.81))
 NOISE = FilterNoise(1e-3, 1e-2, 1e-4, 1e-3, 5e-3, 5e-3)
-PLACE = np.diag(np.repeat((1e-3, 2e-3), 3) ** 2)  # of a foot as it is seen [m^2, rad^2]
+PLACE = np.diag(np.repeat((1e-3, 2e-3), 3) ** 2)  # of a foot's measurement [m^2, rad^2]
 PRIOR = np.diag(np.repeat((0.05, 0.1, 1e-9, 0.02, 0.1), 3) ** 2)
-PRIOR[2, 2] = 1e-18  # the heading is what the world is measured from
+PRIOR[2, 2] = 1e-18  # the heading is the world's reference
 DT = 0.005  # s
 MIDDLE = np.array((0.0, 0.0, 0.8))
 
 
 class Seen(NamedTuple):
-    """Where a foot is seen, (12,) in the IMU's axes, and how surely."""
+    """A measurement of a foot, (12,) in the IMU's axes, with its covariance."""
 
     place: Array
     noise: Array
 
 
 class Moment(NamedTuple):
-    """A moment of the world: the truth, what the IMU said until then, and what it sees of feet."""
+    """A moment of the world: the truth, the IMU's reading until then, and measurements of feet."""
 
     R: Array
     v: Array
@@ -40,7 +40,7 @@ class Moment(NamedTuple):
 
 
 class Start(NamedTuple):
-    """What a filter begins with, wrong by the prior."""
+    """A filter's initial estimate, wrong by the prior."""
 
     R: Array
     v: Array
@@ -52,7 +52,7 @@ class Start(NamedTuple):
 def swaying(
     seed: int, steps: int, swing: float = 1.0, prior: Array = PRIOR
 ) -> tuple[Start, Iterator[Moment]]:
-    """Return where a filter begins, its biases 0, and the moments that follow."""
+    """Return a filter's start, with biases 0, and the moments that follow."""
     rng = np.random.default_rng(seed)
     wrong = rng.normal(size=15) * np.sqrt(np.diag(prior))
     feet = [(np.array((0.0, y, 0.0)), np.eye(3)) for y in (0.1, -0.1)]

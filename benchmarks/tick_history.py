@@ -1,7 +1,7 @@
-"""A history of tick benchmarks, a line of JSON for each run, and what changed since the last alike.
+"""A history of tick benchmarks, a line of JSON for each run, and changes since the last like it.
 
-Every run has rounds, each a process of its own, with a median tick of each kind in units of a fixed
-computation made just before and after: see :mod:`qpbench.compare`.
+Every run has rounds, each its own process, with a median tick of each kind in units of a fixed
+computation just before and after: see :mod:`qpbench.compare`.
 """
 
 from __future__ import annotations

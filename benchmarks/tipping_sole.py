@@ -1,10 +1,10 @@
-"""The push law of the solid pendulum on a real sole: one with mass, that can tip and slide.
+"""The push law of the solid pendulum on a real sole with mass, which can tip and slide.
 
-The law's own simulation lets the ground push anywhere inside the foot. Here MuJoCo simulates a
-sole (four corners, friction, a mass the law knows nothing of) that carries leg and reaction mass by
-an ankle; the torques of the law's command act between them, held for the time between commands.
-For each margin (:attr:`Bounds.cop_margin`) the largest push that is survived, as a part of the
-bound of a foot without margin, and how far the sole's highest corner rose on the way.
+In the law's own simulation the ground can push anywhere inside the foot. Here MuJoCo simulates a
+sole (four corners, friction, a mass unknown to the law) that carries leg and reaction mass by an
+ankle; the torques of the law's command act between them, held for the time between commands. For
+each margin (:attr:`LawBounds.cop_margin`): the largest push that is survived, relative to the
+bound of a foot without margin, and the largest height of the sole's corners meanwhile.
 
     python benchmarks/tipping_sole.py [--margins 0.001 0.005 0.01 0.02] [--dt 0.002] [--sole 1.5]
 """
@@ -63,7 +63,7 @@ def sole_xml(body: Body, sole_mass: float, friction: float) -> str:
 
 
 class Plant:
-    """The pendulum on its sole, at rest, and the state that the law sees."""
+    """The pendulum on its sole, at rest, and its state in the law's coordinates."""
 
     def __init__(self, body: Body, sole_mass: float) -> None:
         self.model = mujoco.MjModel.from_xml_string(sole_xml(body, sole_mass, 0.8))
@@ -80,7 +80,7 @@ class Plant:
         self.corners = np.array([g.pos for g in map(self.model.geom, range(1, 5))])
 
     def push(self, impulse: np.ndarray) -> None:
-        """Let the CoM's velocity jump; the leg turns, the masses do not."""
+        """Apply an impulse at the CoM; the leg rotates, the masses do not."""
         speed = impulse / self.body.mass / self.body.height
         dofs = self.data.qvel
         dofs[self.dofs[0]], dofs[self.dofs[1]] = -speed[0], speed[1]
@@ -89,7 +89,7 @@ class Plant:
         dofs[-3:] = R.T @ np.array([speed[1], -speed[0], 0.0])
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pendulum's q (12,), v (11,) as the law has them."""
+        """Return the pendulum's q (12,), v (11,) in the law's coordinates."""
         data, twist = self.data, np.zeros(6)
         mujoco.mj_forward(self.model, data)
         foot = data.xpos[self.sole]
@@ -118,7 +118,7 @@ class Plant:
         data.xfrc_applied[self.sole, 3:] = -torque
 
     def lifted(self) -> float:
-        """Return how high the sole's highest corner is [m]."""
+        """Return the height of the sole's highest corner [m]."""
         R = self.data.xmat[self.sole].reshape(3, 3)
         return float((self.data.xpos[self.sole] + self.corners @ R.T)[:, 2].max()) - 0.002
 

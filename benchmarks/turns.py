@@ -1,10 +1,10 @@
 """Turns without momentum: planned, by commanded velocities, and by torques in MuJoCo.
 
-Runs problems/turn_*.yaml: how far the base turned, the largest momentum that a tick commanded and
-the least distance between bodies; then by torques, without gravity, at several steps of the
-physics, which conserves momentum to the order of its step: what it turned, and the momentum that it
-gained; and with one more round, planned for what is then measured to be missing. With --write the
-turns are planned anew and the files written.
+Runs problems/turn_*.yaml: the base's rotation, the largest commanded momentum of a tick and the
+least distance between bodies. Then by torques, without gravity, at several steps of the physics,
+which conserves momentum to the order of its step: the rotation, and the momentum gained; and with
+one more cycle, planned for the measured remainder. With --write the turns are planned anew and the
+files written.
 
     python benchmarks/turns.py [--axes x y z] [--write] [--torques] [--corrected]
 """
@@ -26,7 +26,7 @@ from wbc.rotations import exp_rotation, log_rotation, rotation_from
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 ROBOT, MARGIN = "hoap2_like", 0.003
-PERIOD, SETTLES = 3.0, 0.2  # s, of a round, and after it
+PERIOD, SETTLES = 3.0, 0.2  # s, of a cycle, and after it
 CYCLES = {"x": 6, "y": 4, "z": 4}
 WORDS = {"x": "to its right side", "y": "forwards", "z": "to its left"}
 TEXT = """\
@@ -137,7 +137,7 @@ def by_torques(axis: str, physics_dt: float) -> str:
 
 
 def corrected(axis: str, physics_dt: float) -> str:
-    """Return a line about a turn by torques with one more round for what is missing."""
+    """Return a line about a turn by torques with one more cycle for the remainder."""
     problem = torque_problem(axis, physics_dt)
     robot, start = problem.parts.robot, problem.parts.start
     plant = problem.plant()
@@ -149,7 +149,7 @@ def corrected(axis: str, physics_dt: float) -> str:
         plant.step(controller.step(snapshot).torque)
     goal = rotation_from(start[3:7]) @ exp_rotation(0.5 * np.pi * np.eye(3)["xyz".index(axis)])
     now, before = plant.snapshot(), plant.snapshot().q
-    # Momentum that physics has gained goes on turning the base meanwhile, to first order as now.
+    # Momentum gained by the physics keeps rotating the base meanwhile, to first order as now.
     missing = log_rotation(rotation_from(before[3:7]).T @ goal) - (PERIOD + SETTLES) * now.v[3:6]
     rounds = plan_turn(
         robot,

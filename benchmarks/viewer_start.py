@@ -1,8 +1,8 @@
-"""How long `wbc view` takes from Enter until a page has the robot: the first time, and again.
+"""Time of `wbc view` from Enter until a page has the robot: the first time, and again.
 
 Its caches are in an empty folder at first. The client reads what a browser reads and draws nothing:
-what a browser adds hangs on its graphics. Told are the seconds until the address is printed, and
-until the last of the meshes is there.
+the browser's part depends on its graphics. It reports the seconds until the address is printed, and
+until the last mesh has arrived.
 
     python benchmarks/viewer_start.py [problems/push_g1.yaml ...] [--output benchmarks/RESULTS.md]
 """
@@ -31,7 +31,7 @@ TIMES = 3
 
 
 def started(problem: Path, cache: str) -> tuple[float, float]:
-    """Return the seconds until the address is told, and until all meshes are there."""
+    """Return the seconds until the address is printed, and until all meshes have arrived."""
     begun = time.perf_counter()
     command = [sys.executable, "-m", "wbc", "view", str(problem)]
     process = subprocess.Popen(

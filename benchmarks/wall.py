@@ -1,11 +1,11 @@
-"""How hard a push towards a wall a standing robot survives, with a hand that leans on it and not.
+"""The largest push towards a wall that a standing robot survives, with and without a hand on it.
 
-Judged as `wbc push` does: noise, a delay of 2 ms and masses wrong by up to 10 %, by the seed; a
-push of 0.1 s at the pelvis, ever harder by 0.1 M omega d; the limit is the largest up to which all
-were survived. Without the hand twice: without the wall, and beside it, where touching it is a fall
-(it is for any link but hands and forearms). Of the first push that is not survived with the hand:
-why, and which motors were at their bounds from the reach on. Settings were chosen on seeds
-0, 1, 10 and 20.
+Measured as by `wbc push`: noise, a delay of 2 ms and masses wrong by up to 10 %, by the seed; a
+push of 0.1 s at the pelvis, growing by 0.1 M omega d; the limit is the largest up to which all were
+survived. Without the hand twice: without the wall, and next to it, where touching it is a fall (as
+for any link but hands and forearms). For the first push that is not survived with the hand: the
+reason, and the motors at their bounds from the reach on. Settings were tuned on seeds 0, 1, 10 and
+20.
 
     python benchmarks/wall.py [--seeds 30 31] [--distances 0.5] [--output FILE]
 """
@@ -42,14 +42,14 @@ BINDING = 4  # motors that are named
 
 @dataclass(frozen=True)
 class Limit:
-    """The hardest push survived by one variant."""
+    """The largest push survived by one variant."""
 
     variant: str
     distance: float  # of the wall from the middle of the robot [m]
     seed: int
     ratio: float  # in M omega d; 0: not the first of the grid
     impulse: float  # N s
-    ends: str  # what became of the next one
+    ends: str  # result of the next one
 
 
 def problem_of(
@@ -88,7 +88,7 @@ def limit_of(problem: Problem, variant: str, distance: float, seed: int) -> Limi
 
 
 def traced(problem: Problem, ratio: float) -> dict[str, Any]:
-    """Return what hands did under a push, the force on them, and the motors at their bounds."""
+    """Return the hands' events under a push, their force, and the motors at their bounds."""
     plant, falls = problem.plant(), FallLimits(**problem.spec.simulation.falls)
     unit = PushedProblem(problem, SETTINGS).unit(TOWARDS)
     plant.pushes = []
@@ -114,7 +114,7 @@ def traced(problem: Problem, ratio: float) -> dict[str, Any]:
 
 
 def summary(limits: Sequence[Limit]) -> dict[str, Any]:
-    """Return what the hand is worth: impulses by those of the same seed without it."""
+    """Return the hand's gain: impulses relative to those of the same seed without it."""
     by = {(one.variant, one.distance, one.seed): one.impulse for one in limits}
     found: dict[str, Any] = {}
     for other in list(VARIANTS)[:2]:
@@ -152,7 +152,7 @@ def main() -> None:
                 problem = problem_of(distance, seed, wall, hand, more)
                 if wall or seed not in known:
                     one = limit_of(problem, variant, distance, seed)
-                else:  # without a wall its distance is none
+                else:  # no distance without a wall
                     one = Limit(**known[seed].__dict__ | {"distance": distance})
                 known.setdefault(seed, one) if not wall else None
                 limits.append(one)

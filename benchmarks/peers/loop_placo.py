@@ -22,7 +22,7 @@ def robot_of(job):
 
 
 def started(job):
-    """The robot as the job begins."""
+    """The robot at the job's start."""
     robot = robot_of(job)
     for name, value in job.joints.items():
         robot.set_joint(name, value)
@@ -34,7 +34,7 @@ def started(job):
 
 
 class Stepped:
-    """What both levels' loops do in a tick, and what is measured of them."""
+    """Tick and measurements of both levels' loops."""
 
     def com(self):
         return self.robot.com_world()

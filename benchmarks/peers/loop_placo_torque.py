@@ -9,7 +9,7 @@ from serve import KP, serve
 
 
 class Loop(Stepped):
-    """The robot moves as it was computed to: no physics."""
+    """The robot moves as computed: no physics."""
 
     def __init__(self, job):
         self.job = job

@@ -15,7 +15,7 @@ KD = 2.0 * np.sqrt(KP)
 
 
 class Loop:
-    """The robot moves as it was computed to: no physics."""
+    """The robot moves as computed: no physics."""
 
     def __init__(self, job):
         self.job = job

@@ -8,7 +8,7 @@ from wbc.problem.provenance import versions
 
 
 class Loop(VelocityLoop):
-    """The robot moves as it was computed to: no physics."""
+    """The robot moves as computed: no physics."""
 
     def make(self, start, solver, inertia):
         robot, job = self.robot, self.job

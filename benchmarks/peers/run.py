@@ -1,15 +1,15 @@
 """The same loop in this package, Pink, mink, PlaCo and TSID, in turns on one core: one table.
 
-Each runs in a process of its own environment (environments.sh) and is asked for a block of ticks in
-turn, so that the machine's drift hits all alike. The time is thread CPU time of the whole body of
-the loop: targets are set, the command is computed and integrated; and of its tick alone, from the
-state to the command (Pink, mink and PlaCo integrate in there). The job: a G1 on both feet, held
-exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
-velocity limits, dt 5 ms; and the same with 25 pairs of spheres kept 10 mm apart, a row for each in
-every tick; and with joints so slow that a dozen are at their limits, where in all other loops no
-bound is active. Equal work is checked: CoM error, drift of the feet, velocities within their limits
-(mink exceeds active ones by 0.2 %), the nearest spheres. At the torque level the same with friction
-cones and torque bounds, dt 2 ms; the acceleration is integrated as it was computed.
+Each runs in its own environment's process (environments.sh) and runs a block of ticks in turn, so
+that the machine's drift affects all alike. The time is thread CPU time of the whole loop: targets
+are set, the command is computed and integrated; and of its tick alone, from the state to the
+command (Pink, mink and PlaCo integrate in there). The job: a G1 on both feet, held exactly, follows
+its CoM and the orientation of its trunk, with a posture task, position and velocity limits, dt 5
+ms; the same with 25 pairs of spheres kept 10 mm apart, a row for each in every tick; and with slow
+joints, a dozen of them at their limits, where in all other loops no bound is active. Equal work is
+checked: CoM error, drift of the feet, velocities within their limits (mink exceeds active ones by
+0.2 %), the nearest spheres. At the torque level the same with friction cones and torque bounds, dt
+2 ms; the computed acceleration is integrated.
 
     bash benchmarks/peers/environments.sh
     python benchmarks/peers/run.py [--ticks 2000] [--output benchmarks/RESULTS.md]
@@ -82,7 +82,7 @@ LOOPS = {
 
 @dataclass
 class Loop:
-    """A process that runs blocks of ticks, and what it told."""
+    """A process that runs blocks of ticks, and its answers."""
 
     label: str
     process: subprocess.Popen[str]
@@ -137,7 +137,7 @@ def sphere_pairs() -> list[tuple[str, str]]:
 def write_job(
     folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = (), slow: bool = False
 ) -> Path:
-    """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts.
+    """Write the robot without meshes, as URDF and for MuJoCo, and its start.
 
     ``pairs`` are links to be kept apart, which get spheres; ``slow``: joints may not be fast.
     """
@@ -194,7 +194,7 @@ def corners(robot: Robot, q: np.ndarray, link: str) -> list[list[float]]:
 
 
 def rows(loops: list[Loop]) -> list[str]:
-    """Return the table, and complain of unequal work."""
+    """Return the table, and report unequal work."""
     plain = [one for one in loops if "inertia" not in one.label]
     middle = float(np.median([one.last["com_rms"] for one in plain]))
     reference = loops[-1]

@@ -1,4 +1,4 @@
-"""The job, and the protocol by which run.py lets one loop after the other run a block of ticks.
+"""The job, and the protocol by which run.py runs blocks of ticks of the loops in turns.
 
 NumPy only: this is imported in every peer's own environment.
 """
@@ -20,7 +20,7 @@ TURN = np.array([0.0, 0.1, 0.2])  # of the trunk [rad]
 
 
 class Job:
-    """What every loop does: a humanoid on both feet follows its CoM and its trunk's orientation."""
+    """Every loop's job: a humanoid on both feet follows its CoM and its trunk's orientation."""
 
     def __init__(self, path):
         with open(path, encoding="utf-8") as file:
@@ -35,7 +35,7 @@ class Job:
         self.base = np.array(told["base"])  # position, quaternion x y z w
 
     def com(self, start, k):
-        """Return where the CoM should be after k ticks."""
+        """Return the CoM's target after k ticks."""
         return start + AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * k * self.dt)
 
     def gap(self, centres):
@@ -45,7 +45,7 @@ class Job:
         return float(apart.min()) - 2 * self.radius
 
     def trunk_rotation(self, start, k):
-        """Return how the trunk should be turned after k ticks."""
+        """Return the trunk's target rotation after k ticks."""
         turn = TURN * np.sin(k * self.dt)
         angle = np.linalg.norm(turn)
         if angle < 1e-12:
@@ -66,7 +66,7 @@ def serve(make, versions):
     of its limit, and with pairs ``links(names)``, positions (k, 3).
     """
     out = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what libraries print must not get into the answers
+    os.dup2(2, 1)  # keeps output of libraries out of the answers
     job = Job(sys.argv[1])
     loop = make(job, *sys.argv[2:])
     anchors, k = loop.feet().copy(), 0

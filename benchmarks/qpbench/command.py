@@ -82,7 +82,7 @@ def bench(
 
     old = None if compare is None else load_summary(compare)
     solvers = solver or list(candidate_names())
-    for name in solvers:  # recording takes longer than a misspelt name deserves
+    for name in solvers:  # before the recording, which takes long
         make_candidate(name, (eps or ACCURACIES)[0])
     _one_thread()
     found = _sequences(problems or [], sequences, job or [], ticks, quiet)
@@ -115,7 +115,7 @@ def _checked(output: list[Path]) -> list[Path]:
 
 
 def _one_thread() -> None:
-    """Say so if linear algebra may use several threads: their times would mean little."""
+    """Warn if linear algebra may use several threads, which makes times meaningless."""
     if not any(os.environ.get(name) == "1" for name in THREADS):
         print_note("set OMP_NUM_THREADS=1 for steady times")
 
@@ -123,7 +123,7 @@ def _one_thread() -> None:
 def _sequences(
     problems: list[Path], folder: Path | None, jobs: list[str], ticks: int, quiet: bool
 ) -> list[QpSequence]:
-    """Return the sequences to solve: those of a folder if it is there, else recorded now."""
+    """Return the sequences to solve: of a folder if it exists, else recorded now."""
     from qpbench.sequence import ENDING, load_sequence, save_sequence
     from qpbench.suite import STANDARD, record
     from wbc.errors import InvalidInputError
@@ -154,7 +154,7 @@ def _sequences(
 
 
 def _recorded(problems: list[Path], ticks: int, quiet: bool) -> list[QpSequence]:
-    """Return the QPs of problem files; those without any are left out, by name."""
+    """Return the QPs of problem files; files without QPs are left out, by name."""
     from qpbench.suite import NothingToRecordError, record_problem
 
     found = []

@@ -1,9 +1,9 @@
-"""Is a solver really slower than it was? Two files of figures, and a verdict on each solver.
+"""Is a solver slower than it was? Two files of figures, and a verdict on each solver.
 
 Machines drift: the same code is a fifth faster or slower an hour later. Each pass is therefore
-measured in units of a fixed computation made just before and after it. What still scatters is seen
-from pass to pass: a change counts only if a t interval of its logarithm lies wholly beyond
-:data:`LEAST`. A solver that lost answers is worse whatever its time.
+measured in units of a fixed computation just before and after it. The remaining scatter shows
+between passes: a change counts only if a t interval of its logarithm lies wholly beyond
+:data:`LEAST`. A solver that solves less is worse whatever its time.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from scipy.special import stdtrit
 
 from wbc.validate import Array
 
-LEAST = 1.05  # a smaller factor is no change that anyone should act upon
+LEAST = 1.05  # smaller factors are ignored
 CONFIDENCE = 0.999  # one-sided, of the interval
-PASSES = 3  # below which nothing is known of the scatter
+PASSES = 3  # fewer passes tell nothing about the scatter
 
 
 class SpeedVerdict(StrEnum):
-    """What became of a solver."""
+    """The result of comparing a solver."""
 
     FASTER = "faster"
     SLOWER = "slower"
@@ -96,7 +96,7 @@ def _change(
 
 
 class TimeRatio(NamedTuple):
-    """Time now over time then, the interval that it lies in, and what that means."""
+    """New time over old time, its interval, and the verdict."""
 
     ratio: float
     low: float

@@ -1,9 +1,9 @@
-"""Sequences as a test set that ``qpbenchmark`` runs, and its warm-started variant that it lacks.
+"""Sequences as a test set for ``qpbenchmark``, and its warm-started variant that it lacks.
 
 The test set is a Parquet file of problems in the form of qpsolvers (G x <= h, A x = b, a box), and
-a Python file beside it, which the command ``qpbenchmark`` takes. The warm variant is the
-same sequences solved in order by a kept solver: what ``wbc bench`` measures as ``proxqp`` and
-``proxqp_refreshed``; a script beside it does so without this package, for solvers of one's own.
+a Python file that the command ``qpbenchmark`` takes. The warm variant is the same sequences solved
+in order by a kept solver: ``proxqp`` and ``proxqp_refreshed`` of ``wbc bench``. A script does so
+without this package, for your own solvers.
 """
 
 from __future__ import annotations

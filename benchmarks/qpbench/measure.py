@@ -18,7 +18,7 @@ from wbc.qp.kkt import acceptable, kkt_residuals
 from wbc.qp.solution import RawSolution
 from wbc.validate import Array
 
-REFERENCE = 200  # solutions of the linear system that tells how fast the machine is now
+REFERENCE = 200  # solutions of the linear system that measures the machine's present speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Measured:
     seconds: Array  # (r, k) thread CPU time
     iterations: NDArray[np.int64]  # (k,) as the solver counts them, 0 if it does not
     residuals: Array  # (k,) worst KKT residual; infinite where there was no finite answer
-    success: NDArray[np.bool_]  # (k,) whether it said solved, and the residuals agree, each time
+    success: NDArray[np.bool_]  # (k,) it reported solved, and the residuals agree, each time
     reference: Array  # (r,) seconds that a fixed computation took just before and after, on average
 
 
@@ -77,7 +77,7 @@ class _Pass:
 
 
 def _turned(order: range, by: int) -> list[int]:
-    """Return an order begun elsewhere: nobody always follows the same other."""
+    """Return the order rotated, so that no solver always follows the same other one."""
     by %= len(order)
     return [*order[by:], *order[:by]]
 
@@ -126,7 +126,7 @@ def _joined(key: tuple[QpSequence, str, float], passes: Sequence[_Pass]) -> Meas
 
 
 def reference_time() -> float:
-    """Return how long a fixed computation takes now, of the kind that QP solvers do [s]."""
+    """Return the present time of a fixed computation like those of QP solvers [s]."""
     matrix = np.eye(40) + 0.01
     right: Array = np.ones(40)
     start = thread_time()
@@ -138,7 +138,7 @@ def reference_time() -> float:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Keep Python's collector of garbage out of the times."""
+    """Keep Python's garbage collector out of the times."""
     enabled = gc.isenabled()
     gc.disable()
     try:

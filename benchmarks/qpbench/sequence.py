@@ -1,8 +1,8 @@
 """QPs in the order in which a controller solved them, in a compact file.
 
-From tick to tick little changes, so every number is stored as the bits by which it differs from the
-same entry one QP before (exclusive or), bytes of equal weight side by side, and that compressed:
-nothing is lost, and most of it is zeros.
+Little changes from tick to tick, so every number is stored as its bits' difference from the same
+entry one QP before (exclusive or), bytes of equal weight together, and compressed: lossless, and
+mostly zeros.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def load_sequence(path: Path) -> QpSequence:
 
 
 def _head(path: Path, text: NDArray[Any] | None) -> dict[str, Any]:
-    """Return what a file says that it is."""
+    """Return the kind of a file, from its header."""
     try:
         head = json.loads(str(text))
         found, about = head["format"], head["about"]

@@ -1,4 +1,4 @@
-"""What is measured: ProxQP in several ways, the core's method, and all that qpsolvers knows here.
+"""The measured solvers: ProxQP in several ways, the core's method, and those of qpsolvers.
 
 A candidate is timed from a QP in our form to a point with multipliers in our form, conversion
 included; the check of its answer is not part of its time.
@@ -64,7 +64,7 @@ class WarmProxQp:
 
 
 class CheckedProxQp:
-    """What a controller has by ``solver="proxqp"``: checked, failures retried by the core."""
+    """A controller's ``solver="proxqp"``: checked, failures retried by the core."""
 
     def __init__(self, eps: float) -> None:
         self._backend = ProxQP(eps)

@@ -1,9 +1,9 @@
-"""What is recorded: the QPs of problem files, and of standard jobs that scale in size and hardness.
+"""The recorded QPs: of problem files, and of standard jobs that scale in size and hardness.
 
 A standard job is a robot that holds its feet (an arm: nothing) and follows targets for inertia,
 CoM, trunk and posture. Smooth: they swing slowly, as in a usual controller. Hard: every twentieth
-tick they jump, farther than can be reached, so that velocity limits, braking and margins are
-active. At the torque level the computed acceleration is integrated as it is: no physics is needed.
+tick they jump out of reach, so that velocity limits, braking and margins are active. At the torque
+level the computed acceleration is integrated, without physics.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Job:
 
     @property
     def name(self) -> str:
-        """What tells it from others."""
+        """The job's name in tables."""
         pairs = f" {self.pairs} pairs" if self.pairs else ""
         return f"{self.robot} {self.level} {'hard' if self.hard else 'smooth'}{pairs}"
 
@@ -129,7 +129,7 @@ def record_problem(path: Path, ticks: int) -> QpSequence:
 
 @dataclass(frozen=True)
 class JobTargets:
-    """The tasks of a standard job, and where their targets begin."""
+    """The tasks of a standard job, and their initial targets."""
 
     start: Snapshot
     inertia: InertiaTask
@@ -151,7 +151,7 @@ class JobTargets:
         )
 
     def swing(self, t: float) -> None:
-        """Move the targets to where they are at a time [s]."""
+        """Move the targets to their places at a time [s]."""
         wave = np.sin(2 * np.pi * np.array([0.5, 0.25, 0.4]) * t)
         scale, turn = 1 + 0.05 * np.sin(np.pi * t), np.array([0, 0.1, 0.2]) * np.sin(t)
         self._set(scale, np.array([0.01, 0.02, -0.01]) * wave, turn)
@@ -175,7 +175,7 @@ def _robot(name: str) -> Robot:
 
 
 def _bent(robot: Robot) -> dict[str, float]:
-    """Return where joints begin that would otherwise be straight: an arm is singular then."""
+    """Return a start with bent joints, since a straight arm is singular."""
     return {} if robot.feet else dict.fromkeys(robot.joint_names, BENT)
 
 

@@ -1,7 +1,7 @@
-"""From what was measured to figures, and a file of them that later runs are compared with.
+"""Summary of measurements, and a file of it for comparison with later runs.
 
-Of each QP the least of its times counts: what other processes took is not the solver's. A solver
-that failed at a QP is given :data:`LIMIT` for it, where one number stands for many.
+The least time of each QP counts, since the rest is other processes'. A solver that failed at a QP
+counts as :data:`LIMIT` in aggregates.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from wbc.problem.provenance import version_of, versions
 from wbc.validate import Array
 
 FORMAT = "wbc bench 1"
-SHIFT = 10e-6  # of the shifted geometric mean [s]: below it, differences count little
-LIMIT = 10e-3  # what a failure counts as [s]
+SHIFT = 10e-6  # shift of the geometric mean [s]: differences below it count little
+LIMIT = 10e-3  # time of a failure [s]
 RATIOS = np.logspace(0.0, 2.0, 81)  # to the fastest, of a performance profile
 SOLVERS = ("daqp", "clarabel", "osqp", "piqp", "quadprog", "scs", "highs", "ecos", "cvxopt")
 

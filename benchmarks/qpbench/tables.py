@@ -82,7 +82,7 @@ def changes_table(changes: Sequence[SpeedChange]) -> Table:
 
 
 def introduction(summary: Mapping[str, Any]) -> list[str]:
-    """Return what the figures are and where they come from, a sentence each."""
+    """Return the origin and meaning of the figures, a sentence each."""
     versions = ", ".join(
         f"{name} {one}" for name, one in summary["versions"].items() if one != "not installed"
     )
