@@ -472,6 +472,16 @@ def test_motors_about_an_axis_of_a_ball_are_those_of_its_hinge() -> None:
     assert any("several axes of a ball joint are not read: skew" in note for note in robot.notes)
 
 
+def test_motors_that_turn_a_whole_ball_are_left_out_with_a_note() -> None:
+    content = text(BALL, tail='<actuator><orientation name="o" joint="end" kp="5"/></actuator>')
+    try:
+        mujoco.MjModel.from_xml_string(content)
+    except ValueError:
+        pytest.skip("this MuJoCo has no such actuators")
+    notes = Robot.load(content).notes
+    assert any("several axes of a ball joint are not read: o" in note for note in notes)
+
+
 def test_a_key_frame_that_stands_is_standing_where_the_neutral_posture_does_not() -> None:
     """A boom that is drawn aside: only where a key frame folds it up is the CoM over the soles."""
     boom = '<body name="boom"><joint name="boom" axis="1 0 0" range="-3 3"/>'

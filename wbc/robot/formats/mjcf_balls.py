@@ -72,12 +72,13 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
 def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
     """Let motors about one axis of a ball act on that hinge, and delete others; return notes."""
     kinds = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    whole_turns = getattr(mujoco.mjtGain, "mjGAIN_SO3", None)  # <orientation> of newer MuJoCo
     moved, lost = list[str](), list[str]()
     for motor in list(spec.actuators):
         ball, gear = str(motor.target), np.array(motor.gear)
         if int(motor.trntype) not in kinds or ball not in balls:
             continue
-        about = np.flatnonzero(gear[:3])
+        about = np.flatnonzero(gear[:3] * (motor.gaintype != whole_turns))
         (moved if about.size == 1 else lost).append(str(motor.name) or f"one on {ball}")
         if about.size == 1:
             motor.target = f"{ball}:{'xyz'[about[0]]}"
