@@ -237,8 +237,8 @@ def masses(body: HumanBody) -> dict[str, Mass]:
     def behind(name: str) -> Mass:
         length = body.size(name)
         on_axis = along(table[name], zero, -up * length)
-        off = np.array((-BEHIND[body.sex][name] * length, 0.0, 0.0))
-        return Mass(on_axis.mass, on_axis.centre + off, on_axis.inertia)
+        offset = np.array((-BEHIND[body.sex][name] * length, 0.0, 0.0))
+        return Mass(on_axis.mass, on_axis.centre + offset, on_axis.inertia)
 
     hand = table["hand"].length / MEAN_STATURE[body.sex] * body.stature
     heel, toe = foot_ends(body)

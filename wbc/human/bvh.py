@@ -182,12 +182,12 @@ def _height(joints: list[_Joint]) -> float:
     """
     parents = [joint.parent for joint in joints]
     trunk = next((k for k in range(len(joints)) if parents.count(k) > 1), 0)
-    rest = list[Array]()
+    rest_pose = list[Array]()
     for k, joint in enumerate(joints):
         at = np.array(joint.offset) if k > trunk else np.zeros(3)
-        rest.append(at + (rest[joint.parent] if joint.parent >= 0 else 0.0))
-    body = [at for at, joint in zip(rest, joints, strict=True) if not PROP.match(joint.name)]
-    return float(np.ptp(np.array(body or rest), axis=0).max())
+        rest_pose.append(at + (rest_pose[joint.parent] if joint.parent >= 0 else 0.0))
+    body = [at for at, joint in zip(rest_pose, joints, strict=True) if not PROP.match(joint.name)]
+    return float(np.ptp(np.array(body or rest_pose), axis=0).max())
 
 
 def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:

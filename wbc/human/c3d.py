@@ -47,17 +47,22 @@ def read_c3d(path: Path) -> MarkerRecording:
     unit = "m" if unit.startswith("met") else unit  # metres, which may be cut off
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
-    labels, keep, twice = _labels(file, points)
+    labels, columns, repeated = _labels(file, points)
     positions = marked[:, :, :3] * LENGTHS[unit]
     positions[marked[:, :, 3] < 0.0] = np.nan
     positions[(positions == 0.0).all(axis=2)] = np.nan
     first = file.header[3]
     time = np.arange(len(marked)) / rate
-    plates, told = _plates(file, analog, rate, samples, LENGTHS[unit])
+    plates, plate_notes = _plates(file, analog, rate, samples, LENGTHS[unit])
     if first > 1:
         notes += (f"its first frame has the number {first}; times begin at 0 there",)
     return MarkerRecording(
-        time, labels, positions[:, keep], plates, source=source, notes=notes + twice + told
+        time,
+        labels,
+        positions[:, columns],
+        plates,
+        source=source,
+        notes=notes + repeated + plate_notes,
     )
 
 
@@ -139,9 +144,9 @@ def _plates(
     for k in range(min(used, 32)):
         try:
             with np.errstate(all="ignore"):  # values that are not finite are refused
-                plate, told = _plate(file, k, signals, time, unit)
+                plate, more = _plate(file, k, signals, time, unit)
             plates.append(plate)
-            notes += told
+            notes += more
         except (InvalidInputError, IndexError, ValueError) as error:
             notes.append(f"force plate {k + 1} was left out: {error}")
     return tuple(plates), tuple(notes)

@@ -222,6 +222,6 @@ def static_trial_notes(
 def _distance(recording: MarkerRecording, one: str, other: str) -> float:
     """Return the median distance of two markers [m], 0 if they are never seen together."""
     ends = [recording.positions[:, recording.labels.index(name)] for name in (one, other)]
-    apart = np.linalg.norm(ends[1] - ends[0], axis=1)
-    apart = apart[np.isfinite(apart)]
-    return float(np.median(apart)) if apart.size else 0.0
+    distance = np.linalg.norm(ends[1] - ends[0], axis=1)
+    distance = distance[np.isfinite(distance)]
+    return float(np.median(distance)) if distance.size else 0.0

@@ -145,8 +145,10 @@ class MarkerRecording:
         if not (np.diff(time) > 0.0).all():
             raise InvalidInputError(f"{source}: time must increase from frame to frame")
         if len(set(labels)) < len(labels):
-            twice = next(label for label in labels if labels.count(label) > 1)
-            raise InvalidInputError(f"{source}: marker {twice[:60]!r} is there twice; rename one")
+            repeated = next(label for label in labels if labels.count(label) > 1)
+            raise InvalidInputError(
+                f"{source}: marker {repeated[:60]!r} is there twice; rename one"
+            )
         positions = real_array(f"{source}: positions", self.positions)
         if positions.shape != (count, len(labels), 3):
             raise InvalidInputError(

@@ -169,9 +169,9 @@ def _poses(values: Array, name: str, source: str) -> tuple[Array, Array]:
     place, R = np.full((len(values), 3), np.nan), np.full((len(values), 3, 3), np.nan)
     if seen.any():
         norm = np.linalg.norm(values[seen, :4], axis=1)
-        off = int(np.abs(norm - 1.0).argmax())
-        if abs(norm[off] - 1.0) > NORM_TOLERANCE:
-            row, size = int(np.flatnonzero(seen)[off]) + 1, norm[off]
+        worst = int(np.abs(norm - 1.0).argmax())
+        if abs(norm[worst] - 1.0) > NORM_TOLERANCE:
+            row, size = int(np.flatnonzero(seen)[worst]) + 1, norm[worst]
             what = f"the quaternion of {shortened(name)!r} has norm {size:.3g} in row {row}"
             raise RecordingError(what, source)
         R[seen] = Rotation.from_quat(values[seen, :4]).as_matrix()

@@ -141,9 +141,9 @@ def unwrap(robot: Robot, joints: Array, quaternions: Array) -> None:
         known = np.isfinite(joints[:, k])
         joints[known, k] = np.unwrap(joints[known, k])
     if quaternions.size:
-        whole = np.isfinite(quaternions).all(axis=1)
-        quaternions[~whole] = np.nan
-        quaternions[whole] = same_sign(quaternions[whole])
+        complete = np.isfinite(quaternions).all(axis=1)
+        quaternions[~complete] = np.nan
+        quaternions[complete] = same_sign(quaternions[complete])
 
 
 def _missing_runs(content: Array, names: Sequence[str]) -> dict[tuple[int, int], tuple[str, ...]]:

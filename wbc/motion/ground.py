@@ -222,7 +222,7 @@ def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
     """
     (x, y), (px, py) = corners.transpose(2, 1, 0), points.T  # (k, n) and (n,): frames last
     nearest, frames = np.full(len(px), np.inf), np.arange(len(px))
-    offset, share = np.zeros((2, len(px))), np.zeros(len(px))
+    offset, fraction = np.zeros((2, len(px))), np.zeros(len(px))
     start, end = np.zeros((2, len(px)), dtype=int)
     inside, area = np.ones(len(px), bool), np.zeros(len(px), bool)
     for k in range(len(x)):
@@ -241,9 +241,9 @@ def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
         closer = (away[least] < nearest) | np.isnan(away[least])  # of a point that is NaN
         nearest = np.where(closer, away[least], nearest)
         offset = np.where(closer, [part[least] for part in from_edge], offset)
-        share = np.where(closer, along[least] / np.maximum(length[least], SAME_CORNER), share)
+        fraction = np.where(closer, along[least] / np.maximum(length[least], SAME_CORNER), fraction)
         start, end = np.where(closer, k, start), np.where(closer, least[0], end)
         inside &= ((dx * ay - dy * ax >= 0.0) | ~edge).all(axis=0)
     sign = np.where(inside & area, 1.0, -1.0)
     gradient = sign * np.divide(offset, nearest, out=np.zeros_like(offset), where=nearest > 0.0)
-    return sign * nearest, gradient.T, start, end, share
+    return sign * nearest, gradient.T, start, end, fraction

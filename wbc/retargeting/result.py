@@ -188,7 +188,7 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
 def correlations(a: Array, b: Array) -> Array:
     """Return Pearson's correlation of columns; 1 where both are constant, 0 where one is."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    sizes = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
-    still = sizes < 1e-12
-    both = np.where(np.maximum((a**2).sum(axis=0), (b**2).sum(axis=0)) < 1e-12, 1.0, 0.0)
-    return np.where(still, both, (a * b).sum(axis=0) / np.where(still, 1.0, sizes))
+    squares = (a**2).sum(axis=0), (b**2).sum(axis=0)
+    sizes = np.sqrt(squares[0] * squares[1])
+    constant, both = sizes < 1e-12, np.where(np.maximum(*squares) < 1e-12, 1.0, 0.0)
+    return np.where(constant, both, (a * b).sum(axis=0) / np.where(constant, 1.0, sizes))

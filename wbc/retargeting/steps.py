@@ -40,11 +40,11 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     steps = []
     for before, after in pairwise(prints):
         x, y = turned(-float(before.pose[2]))[:2, :2] @ (after.pose[:2] - before.pose[:2])
-        turn = math.remainder(float(after.pose[2] - before.pose[2]), math.tau)
+        yaw = math.remainder(float(after.pose[2] - before.pose[2]), math.tau)
         earlier = [one for one in prints if one.foot == after.foot and one.end <= after.first]
         lift_off = max((one.end for one in earlier), default=None)
         duration = None if lift_off is None else (after.first - lift_off + 1) * dt
-        steps.append(Footstep(after.foot, float(x), float(y), turn, duration))
+        steps.append(Footstep(after.foot, float(x), float(y), yaw, duration))
     known = [one.duration for one in steps if one.duration is not None]
     mean = float(np.mean(known)) if known else None
     steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or mean) for s in steps]
