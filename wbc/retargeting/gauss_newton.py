@@ -17,7 +17,7 @@ DAMPING_AFTER_REJECTION, MAX_DAMPING_AFTER_REJECTION = 4.0, 100.0
 # Converged: the relative decrease of the cost is below the first, or its value per frame below the
 # second.
 CONVERGED_DECREASE, CONVERGED_COST = 0.05, 0.4
-BLOCKED_LEGS = 0.2  # m or rad: such a violation of the initial guess means legs in each other's way
+BLOCKED_LEGS = 0.2  # m or rad, of violation of an initial guess whose legs block each other
 MIN_ITERATIONS = 2
 # Accepted steps lower the damping, so that light tasks such as arms converge as well. If joints
 # still exceed their speeds or accelerations after so many iterations, it is raised again.
