@@ -29,7 +29,7 @@ import numpy as np
 
 import wbc
 from wbc.problem import load_problem
-from wbc.problem.pushing import PushedProblem, PushSettings
+from wbc.problem.pushed_problem import PushedProblem, PushSettings
 from wbc.simulation.campaign import PushGrid, run_campaign
 
 PROBLEM = Path(__file__).parents[1] / "problems" / "push_g1.yaml"

@@ -27,7 +27,7 @@ from disturbed import NOISE, mass_of
 
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
-from wbc.problem.pushing import PushedProblem, PushSettings
+from wbc.problem.pushed_problem import PushedProblem, PushSettings
 from wbc.simulation import FallLimits, SimulationError, simulate
 
 ROOT = Path(__file__).parents[1]

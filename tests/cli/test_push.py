@@ -11,7 +11,7 @@ from tests.command import wbc_command
 from tests.texts import STAND
 from wbc.cli.push import ratios_of
 from wbc.errors import InvalidInputError
-from wbc.problem.pushing import PushedProblem
+from wbc.problem.pushed_problem import PushedProblem
 from wbc.simulation import PushOutcome
 
 PUSHED = STAND + "simulation: {duration: 1.0}\n"

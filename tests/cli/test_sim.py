@@ -107,7 +107,7 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def wait(self) -> None:
             seen.append("waited")
 
-    class Watching:
+    class RunViewer:
         viewer = Page()
 
         def __init__(self, robot: object, *, title: str, terrain: Terrain) -> None:
@@ -119,7 +119,7 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def replay(self, history: History) -> None:
             seen.append(len(history))
 
-    monkeypatch.setattr("wbc.view.live.watching.Watching", Watching)
+    monkeypatch.setattr("wbc.view.live.run_viewer.RunViewer", RunViewer)
     sloped = "simulation.terrain={slope: [0.05, 0]}"
     done = wbc_command("sim", file, "--view", "--set", "simulation.duration=0.15", "--set", sloped)
     assert done.exit_code == 0, done.output

@@ -9,7 +9,7 @@ import pytest
 from tests.urdf import geared_arm
 from wbc import KinematicController, PositionTask, PostureTask, load_problem
 from wbc.constraints.limits import Limits
-from wbc.controllers.closing import _reachable_share
+from wbc.controllers.loop_closing import _reachable_share
 from wbc.robot import Robot
 
 

@@ -15,7 +15,7 @@ from wbc.gait import CaptureGain
 from wbc.polygon import polygon_margin
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
-from wbc.problem.pushing import PushedProblem, PushSettings
+from wbc.problem.pushed_problem import PushedProblem, PushSettings
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
 

@@ -254,7 +254,7 @@ def test_loops_are_refused_by_name(loops: object, words: str) -> None:
 
 
 def test_what_does_not_know_loops_says_so() -> None:
-    from wbc.codegen.known import CodegenError, known
+    from wbc.codegen.core_parts import CodegenError, core_parts
     from wbc.flight.planner import plan_turn
     from wbc.shaping import GlobalShaping
 
@@ -267,4 +267,4 @@ def test_what_does_not_know_loops_says_so() -> None:
         plan_turn(robot, (0.1, 0.0, 0.0))
     controller = KinematicController(robot, [task], solver="active_set")
     with pytest.raises(CodegenError, match="closed loops: 'pin'"):
-        known(controller)
+        core_parts(controller)

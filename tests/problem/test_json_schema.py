@@ -19,8 +19,8 @@ from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.json_schema import json_schema
-from wbc.problem.reading import parse, read_source
 from wbc.problem.spec import ProblemSpec
+from wbc.problem.yaml_reader import parse, read_source
 from wbc.rmp.plan import Weights
 from wbc.robot.collision.bodies import FITS
 from wbc.run.global_shaping import shape_globally

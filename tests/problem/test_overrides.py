@@ -8,8 +8,8 @@ import pytest
 
 from wbc.errors import ProblemFileError
 from wbc.problem.overrides import apply_overrides, parse_override
-from wbc.problem.reading import parse
 from wbc.problem.source import parse_path, written
+from wbc.problem.yaml_reader import parse
 
 FILE = "robot: g1\ntasks:\n  com: {type: com, target: [1, 2, 3]}\nlimits: none\n"
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from wbc.cli.interrupts import Interrupts
     from wbc.cli.progress import ProgressCall
-    from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
+    from wbc.problem.pushed_problem import LoadPushed, PushedProblem, PushSettings
     from wbc.simulation import PushGrid, PushMap
     from wbc.simulation.campaign import CampaignLog
 
@@ -84,7 +84,7 @@ def push(
     """
     from wbc.cli.outputs import check_outputs
     from wbc.cli.progress import starting
-    from wbc.problem.pushing import LoadPushed, PushSettings
+    from wbc.problem.pushed_problem import LoadPushed, PushSettings
     from wbc.simulation import PushGrid
 
     grid = PushGrid(directions, ratios_of(ratios), failures)
@@ -136,7 +136,7 @@ def _campaign(
     """Run the campaign, write and print its results, and return the exit code."""
     from wbc.cli.outputs import Outputs
     from wbc.cli.push_report import print_maps
-    from wbc.problem.pushing import conditions
+    from wbc.problem.pushed_problem import conditions
     from wbc.simulation.campaign import CampaignLog
     from wbc.simulation.push_map import save_maps
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.printing import facts, heads, print_written
-from wbc.problem.pushing import PushSettings
+from wbc.problem.pushed_problem import PushSettings
 from wbc.simulation import PushMap
 from wbc.simulation.push_map import compare_maps
 

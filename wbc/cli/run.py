@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wbc.problem.pendulum.result import PendulumResult
     from wbc.run.callbacks import Show as ShowTick
     from wbc.simulation import SimulationResult
-    from wbc.view.live.watching import Watching
+    from wbc.view.live.run_viewer import RunViewer
     from wbc.view.options import View
 
     AnyResult = Result | SimulationResult | PendulumResult
@@ -241,7 +241,7 @@ class _RunOptions:
 
     @contextmanager
     def shown_by(
-        self, problem: Problem | PendulumProblem, watching: Watching | None, outputs: Outputs
+        self, problem: Problem | PendulumProblem, watching: RunViewer | None, outputs: Outputs
     ) -> Iterator[ShowTick | None]:
         """Yield the observer of every tick: viewer, stream, the saver of the first relaxed tick.
 
@@ -278,7 +278,7 @@ class _RunOptions:
 
             yield observe if observers else None
 
-    def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
+    def watching(self, problem: Problem | PendulumProblem) -> RunViewer | None:
         """Return the live viewer of the run, if requested.
 
         Raises
@@ -288,7 +288,7 @@ class _RunOptions:
         """
         from wbc.errors import InvalidInputError
         from wbc.problem import Problem
-        from wbc.view.live.watching import Watching
+        from wbc.view.live.run_viewer import RunViewer
 
         if not self.view:
             return None
@@ -297,7 +297,7 @@ class _RunOptions:
                 "--view shows robots, and this is a pendulum's problem; use --plot"
             )
         terrain = problem.spec.simulation.ground()
-        return Watching(problem.parts.robot, title=self.name, terrain=terrain)
+        return RunViewer(problem.parts.robot, title=self.name, terrain=terrain)
 
 
 class _TickSaver:

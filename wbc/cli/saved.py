@@ -59,7 +59,7 @@ def render(
     pixels = _size(size)
     saved = _saved_or_run(run, robot, quiet)
     with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
-        told = _told(progress, interrupts)
+        told = _progress_or_stop(progress, interrupts)
         title = literal(_title_of(saved))
         if isinstance(saved, SavedPendulum):
             film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
@@ -72,8 +72,10 @@ def render(
         typer.echo(f"written  {output}")
 
 
-def _told(progress: ProgressCall | None, interrupts: Interrupts) -> Callable[[int, int], None]:
-    """Return what is called after each picture; ended by a signal, what was drawn is removed."""
+def _progress_or_stop(
+    progress: ProgressCall | None, interrupts: Interrupts
+) -> Callable[[int, int], None]:
+    """Return a function called after each picture; after a signal the film is removed."""
 
     def told(done: int, total: int) -> None:
         if progress is not None:

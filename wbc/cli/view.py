@@ -22,7 +22,7 @@ def view(
     speed: Annotated[float, typer.Option(help="Times real time; 0: as fast as can be.")] = 1.0,
     assign: Assign = None,
 ) -> None:
-    """Run a problem and look at it in a web browser: pause it, drag targets, change weights.
+    """Run a problem in a web browser: pause it, drag targets, change weights.
 
     A problem of the torque level is simulated, and the robot can be pushed.
     """

@@ -1,6 +1,6 @@
-"""A problem's controller as C, for use without Python: the native core, its plan written out."""
+"""Export of a problem's controller as C, for use without Python: the native core and its plan."""
 
+from wbc.codegen.core_parts import CodegenError
 from wbc.codegen.export import export_problem
-from wbc.codegen.known import CodegenError
 
 __all__ = ["CodegenError", "export_problem"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from wbc.codegen.known import CodegenError
+from wbc.codegen.core_parts import CodegenError
 
 # What every compiler of C99 knows (5.2.4.1): characters of a literal, significant ones of a name.
 LONGEST_LITERAL = 4095

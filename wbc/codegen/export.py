@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from wbc.codegen.core_parts import CodegenError
 from wbc.codegen.hardware_data import HardwareParts, data_header, data_source
 from wbc.codegen.hardware_recording import hardware_recording_text
-from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import TickRecording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text

@@ -1,4 +1,4 @@
-"""What the estimator and the safety layer of a robot are made of, as C."""
+"""The data of a robot's estimator and safety layer, as C."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _CHECKS = (
 
 
 class HardwareParts(NamedTuple):
-    """What is written out of a robot on its bus."""
+    """The exported parts of a robot on its bus."""
 
     robot: Robot
     estimator: StateEstimator
@@ -162,10 +162,10 @@ def data_source(parts: HardwareParts, title: str) -> str:
     start = robot.snapshot(parts.start)
     sole = min(float(start.position(foot.frame)[2]) for foot in robot.feet.values())
     arrays = {name: getattr(limits, name) for name in _LIMITS}
-    fields = [f"    .{name} = {_inside(array)},\n" for name, array in arrays.items()]
+    fields = [f"    .{name} = {_initialiser(array)},\n" for name, array in arrays.items()]
     fields += [f"    .{name} = {number_text(float(getattr(limits, name)))},\n" for name in _NUMBERS]
     fields += [f"    .least_vertical = {number_text(float(np.cos(limits.tilt)))},\n"]
-    fields += [f"    .up = {_inside(np.array(limits.up))},\n"]
+    fields += [f"    .up = {_initialiser(np.array(limits.up))},\n"]
     rules = "".join(
         f"    {{{int(RULES[fault].answer)}, {number_text(RULES[fault].patience)}}},"
         f" /* {comment(fault)} */\n"
@@ -181,13 +181,13 @@ def data_source(parts: HardwareParts, title: str) -> str:
             *struct_texts("tree", tree.struct, tree.arrays),
             *(array_text(f"momentum_{name}", a) for name, a in observer.given.items()),
             *(array_text(f"estimator_{name}", a) for name, a in given.items()),
-            _planned("filter", core.filter.struct, dict.fromkeys(nothing, "0")),
-            _planned(
+            _struct_text("filter", core.filter.struct, dict.fromkeys(nothing, "0")),
+            _struct_text(
                 "momentum",
                 observer.struct,
                 dict.fromkeys(observer.made, "0") | momentum | {"tree": "&tree"},
             ),
-            _planned(
+            _struct_text(
                 "estimator",
                 core.struct,
                 dict.fromkeys(("filter", "momentum", *core.made), "0")
@@ -212,7 +212,7 @@ def data_source(parts: HardwareParts, title: str) -> str:
     )
 
 
-def _planned(name: str, struct: Any, pointers: dict[str, str]) -> str:
+def _struct_text(name: str, struct: Any, pointers: dict[str, str]) -> str:
     return f"const wbc_{name} wbc_planned_{name} = {fields_text(struct, pointers)};\n"
 
 
@@ -228,10 +228,10 @@ def _names(kind: str, names: type[Mode] | type[Fault]) -> str:
 
 
 def _doubles(declared: str, array: Array) -> str:
-    return f"const double wbc_{declared} = {_inside(array)};"
+    return f"const double wbc_{declared} = {_initialiser(array)};"
 
 
-def _inside(array: Array) -> str:
+def _initialiser(array: Array) -> str:
     if array.ndim > 1:
-        return f"{{\n{''.join(f'    {_inside(row)},' + chr(10) for row in array)}}}"
+        return f"{{\n{''.join(f'    {_initialiser(row)},' + chr(10) for row in array)}}}"
     return f"{{{', '.join(number_text(float(value)) for value in array)}}}"

@@ -1,7 +1,7 @@
-"""What estimator and safety layer in Python answer to messages and faults, for C to compare with.
+"""Outputs of Python's estimator and safety layer for messages and faults, to compare C with.
 
-Messages are made up, of a robot that stands, sways, slips and whose sensors fail: what is compared
-is arithmetic, and whether C decides as Python does in each branch.
+The messages are synthetic, of a robot that stands, sways, slips and whose sensors fail: they test
+the arithmetic, and that C takes the same decision as Python in each branch.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from wbc.validate import Array
 
 SEED = 34
 SAMPLES, CYCLES = 550, 1500
-IN_G = 900  # from this cycle on the accelerometer says 1 for 9.81 m/s^2
-SPELL = 20  # cycles in which one thing is wrong, for some of them
+G_UNITS_FROM = 900  # from this cycle on the accelerometer says 1 for 9.81 m/s^2
+FAULT_CYCLES = 20  # cycles in which one thing is wrong, for some of them
 # Of a reading, by name: what is wrong with it.
-WRONGS = (
+READING_FAULTS = (
     *("nan", "repeated", "old", "clock", "far", "jump", "fast", "hot", "tilt", "frozen"),
     *("spin", "torque", "button", "lost", "leaning"),
 )
@@ -99,8 +99,8 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
     safety = safety_of(parts.robot, parts.profile, PERIOD)
     checks, faults, modes = SensorChecks(parts.robot), list(Fault), list(Mode)
     last: Reading | None = None
-    for k, (now, came, extra, wanted) in enumerate(_what_comes(parts, rng)):
-        asked = _asked(safety, k)
+    for k, (now, came, extra, wanted) in enumerate(_inputs(parts, rng)):
+        asked = _request(safety, k)
         refused, took = -1, 0.0
         reading = None if came is None else checks.mended(came)
         if reading is not None:
@@ -109,7 +109,7 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
                 refused = faults.index(found.fault)
                 safety.report(found.fault)
         if asked >= 0:
-            took = float(_granted(safety, asked, now))
+            took = float(_carry_out(safety, asked, now))
         if reading is not None and refused < 0:
             torque = None
             if last is not None and k % 8 == 1:
@@ -134,7 +134,7 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
 ARM, STAND, RUN, SOFT, DOWN, RESET = range(6)
 
 
-def _asked(safety: Safety, k: int) -> int:
+def _request(safety: Safety, k: int) -> int:
     """Return what is asked for by hand: the way up again whenever it is down."""
     if k % 7:
         return -1
@@ -147,7 +147,7 @@ def _asked(safety: Safety, k: int) -> int:
     return ways[mode] if k % 70 else RUN  # which is mostly forbidden
 
 
-def _granted(safety: Safety, asked: int, now: float) -> bool:
+def _carry_out(safety: Safety, asked: int, now: float) -> bool:
     ways = (safety.arm, safety.stand_up, safety.run, safety.soft_stop, safety.is_down, safety.reset)
     try:
         ways[asked](now)
@@ -156,7 +156,7 @@ def _granted(safety: Safety, asked: int, now: float) -> bool:
     return True
 
 
-def _what_comes(
+def _inputs(
     parts: HardwareParts, rng: np.random.Generator
 ) -> Iterator[tuple[float, Reading | None, int, Command | None]]:
     """Yield the loop's time, a reading or none, a fault of the machine or -1, a command or none."""
@@ -164,8 +164,8 @@ def _what_comes(
     limits, frozen, until = safety.limits, rng.normal(size=3), 0
     for k in range(CYCLES):
         now = 10.0 + k * PERIOD + 1e-5 * rng.random()
-        if k % SPELL == 0:
-            until = k + int(rng.integers(1, SPELL))
+        if k % FAULT_CYCLES == 0:
+            until = k + int(rng.integers(1, FAULT_CYCLES))
         reading = Reading(
             k,
             k * PERIOD,
@@ -177,11 +177,13 @@ def _what_comes(
             1e-3 * rng.normal(size=3),
             np.array((0.0, 0.0, 9.81)) + 1e-3 * rng.normal(size=3),
         )
-        if k >= IN_G:
+        if k >= G_UNITS_FROM:
             reading = replace(reading, specific_force=reading.specific_force / 9.81)
         came: Reading | None = reading
-        if 3 * SPELL < k < until:
-            came = _spoilt(reading, WRONGS[k // SPELL % len(WRONGS)], k, frozen)
+        if 3 * FAULT_CYCLES < k < until:
+            came = _with_fault(
+                reading, READING_FAULTS[k // FAULT_CYCLES % len(READING_FAULTS)], k, frozen
+            )
         extra = int(rng.integers(0, len(Fault))) if rng.random() < 0.02 else -1
         wanted = None
         if rng.random() < 0.9:
@@ -195,7 +197,7 @@ def _what_comes(
         yield now, came, extra, wanted
 
 
-def _spoilt(r: Reading, wrong: str, k: int, frozen: Array) -> Reading | None:
+def _with_fault(r: Reading, wrong: str, k: int, frozen: Array) -> Reading | None:
     """Return a reading with something wrong; None: it was lost."""
     j, one = k % len(r.position), np.eye(len(r.position))[k % len(r.position)]
     leaning = np.array((9.0, 0.0, 2.0)) + 1e-3 * r.angular_velocity

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from wbc.codegen.known import CodegenError, known
+from wbc.codegen.core_parts import CodegenError, core_parts
 from wbc.codegen.targets import targets_of, task_parts
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
@@ -65,7 +65,7 @@ class TickRecording:
         self._last: Snapshot | None = None
 
     def full(self) -> bool:
-        """Whether as many ticks were seen as were asked for."""
+        """Whether the requested number of ticks was seen."""
         return len(self.ticks) + self.left_out.total() >= self._most
 
     def add(self, now: LoopTick, controller: Controller | None) -> None:
@@ -81,7 +81,7 @@ class TickRecording:
             return
         if self._last is None:
             self.controller = controller
-            self.plan, self.solver = known(controller)
+            self.plan, self.solver = core_parts(controller)
         self._last = seen
         found = self.plan.tick(seen)
         if found is None or not found.solved:

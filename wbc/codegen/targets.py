@@ -71,7 +71,7 @@ def targets_of(part: TargetPart) -> PartTargets | None:
             return PartTargets(task.target, task.target_rate, task.target_acceleration)
         case Kind.JOINTS:
             size = task.robot.nv - 6
-            return PartTargets(_spread(rows.numbers[0], rows, size), *_rates(rows, size))
+            return PartTargets(_scattered(rows.numbers[0], rows, size), *_rates(rows, size))
         case Kind.MOMENTUM:
             return PartTargets(*_rates(rows, 6), np.zeros(0))
     return None
@@ -79,10 +79,10 @@ def targets_of(part: TargetPart) -> PartTargets | None:
 
 def _rates(rows: NativeRows, size: int) -> tuple[Array, Array]:
     """Return rate and acceleration of the target, with zeros where no row asks."""
-    return _spread(-rows.bias, rows, size), _spread(-rows.drift, rows, size)
+    return _scattered(-rows.bias, rows, size), _scattered(-rows.drift, rows, size)
 
 
-def _spread(values: ArrayLike, rows: NativeRows, size: int) -> Array:
+def _scattered(values: ArrayLike, rows: NativeRows, size: int) -> Array:
     whole: Array = np.zeros(size)
     whole[list(rows.entries)] = values
     return whole

@@ -1,4 +1,4 @@
-"""The plan of a controller and its recorded ticks as text that C reads, every bit of them."""
+"""A controller's plan and recorded ticks as C text, exact to the last bit."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.codegen.c_text import comment, literal
-from wbc.codegen.known import CodegenError
+from wbc.codegen.core_parts import CodegenError
 from wbc.codegen.recording import TickRecording
 from wbc.codegen.targets import contact_parts, task_parts
 from wbc.native import ffi
 
 PER_LINE = 6
-# What belongs to each controller in C, not to the plan.
-_OWN = ("state", "out", "scratch", "order", "rows", "below", "given", "push")
+# Arrays of each controller in C, not of the plan.
+_RUNTIME = ("state", "out", "scratch", "order", "rows", "below", "given", "push")
 
 
 def plan_header(recording: TickRecording, title: str) -> str:
@@ -75,11 +75,11 @@ def plan_source(recording: TickRecording, title: str) -> str:
         "block": "block",
         # C knows no arrays without entries.
         **{name: name if array.size else "0" for name, array in arrays.items()},
-        **dict.fromkeys(_OWN, "0"),
+        **dict.fromkeys(_RUNTIME, "0"),
     }
     parts = [
         *struct_texts("tree", tree.struct, tree.arrays),
-        *(array_text(name, array) for name, array in arrays.items() if name not in _OWN),
+        *(array_text(name, array) for name, array in arrays.items() if name not in _RUNTIME),
         _list("block", memory.blocks),
     ]
     if memory.forces is not None and memory.forces.count:

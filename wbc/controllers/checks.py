@@ -12,7 +12,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.constraints.validation import check_rows
-from wbc.controllers.competing import competing
+from wbc.controllers.competing_tasks import competing_tasks
 from wbc.controllers.contact_forces import displaced
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, shown
@@ -76,7 +76,7 @@ def warn_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
 
 def warn_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:
     """Warn of tasks that compete at rest at different gains; return whether any do."""
-    gains = competing(tasks, snapshot, velocity, dt)
+    gains = competing_tasks(tasks, snapshot, velocity, dt)
     if gains:
         told = ", ".join(f"{name!r} (gain {gain:.3g})" for name, gain in gains.items())
         logging.getLogger(__name__).warning(

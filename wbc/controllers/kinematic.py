@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from wbc.constraints.rows import Bounds
-from wbc.controllers.closing import LoopClosing
 from wbc.controllers.controller import Controller
 from wbc.controllers.core_tick import CoreTick
+from wbc.controllers.loop_closing import LoopClosing
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.tick import Tick
 from wbc.errors import ControllerFailure

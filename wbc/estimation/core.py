@@ -17,7 +17,7 @@ from wbc.estimation.settings import EstimatorSettings
 from wbc.native import ffi, lib, pointer
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
-from wbc.robot.mounted import Mount, mounted_places
+from wbc.robot.mounted_frames import Mount, mounted_places
 from wbc.validate import Array
 
 MAX_SPEED_RATIO = 3.0  # of a plausible joint speed by its limit

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_word, switch
-from wbc.robot.mounted import Mount, mount
+from wbc.robot.mounted_frames import Mount, mount
 from wbc.validate import (
     Array,
     by_name,

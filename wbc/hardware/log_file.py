@@ -16,8 +16,8 @@ from wbc.files import read_arrays
 from wbc.hardware.log_row import FAULTS, MODES, log_fields
 from wbc.hardware.ring_log import FORMAT
 from wbc.problem.problem import Problem, problem_of
-from wbc.problem.reading import parse
 from wbc.problem.saved import SavedRun
+from wbc.problem.yaml_reader import parse
 from wbc.robot.names import BASE
 from wbc.run.history import History
 from wbc.spatial import vech

@@ -23,11 +23,11 @@ from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.problem import load_problem
-from wbc.problem.reading import read_source
 from wbc.problem.section import Distinct, Forms, Name, Names, NonEmpty, Section
 from wbc.problem.source import KeyPath, Source
 from wbc.problem.spec import PlainName, ProblemSpec
 from wbc.problem.walk import read_problem
+from wbc.problem.yaml_reader import read_source
 
 MOST_RUNS = 1_000_000
 Values = dict[Name, Any]

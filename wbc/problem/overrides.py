@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from wbc.errors import ProblemFileError, suggest
-from wbc.problem.reading import parse
 from wbc.problem.source import KeyPath, Source, parse_path, written
+from wbc.problem.yaml_reader import parse
 from wbc.run.saving import plain
 
 _ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)

@@ -13,11 +13,11 @@ from wbc.constraints import Contact
 from wbc.gait.legs import SIDES
 from wbc.problem.kinds.frame import OrientationSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
-from wbc.problem.reading import read_source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import contacts_of
 from wbc.problem.targets import Followed, FromMotion, FromPlan, LoopTarget
 from wbc.problem.task_spec import TaskSpec
+from wbc.problem.yaml_reader import read_source
 from wbc.robot import Snapshot
 from wbc.run.phase_support import held_feet
 from wbc.run.ramps import Course, TargetedTask

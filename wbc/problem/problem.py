@@ -17,10 +17,10 @@ from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.provenance import provenance, version_of, versions
-from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
+from wbc.problem.yaml_reader import read_source
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
 from wbc.run.phase_support import SOLE_FLATNESS, held_feet
 from wbc.run.phases import Loads, PhaseExecutor

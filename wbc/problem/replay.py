@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, listed
 from wbc.files import read_arrays
 from wbc.problem.problem import Problem, problem_of
-from wbc.problem.reading import parse
 from wbc.problem.saved import FORMATS, LARGEST
 from wbc.problem.saved_parts import read_summary
+from wbc.problem.yaml_reader import parse
 from wbc.run.callbacks import Cancelled, Progress
 
 # Entries of a result that differ from run to run: timings, and the number of workers.

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from wbc.problem.mistakes import read_section
-from wbc.problem.reading import read_source
 from wbc.problem.section import Name, Section
+from wbc.problem.yaml_reader import read_source
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]

@@ -14,10 +14,10 @@ from wbc.files import read_arrays
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
 from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
-from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.saved_parts import REMEDY, check_arrays, read_summary
 from wbc.problem.walk import read_problem
+from wbc.problem.yaml_reader import parse
 from wbc.robot import Robot
 from wbc.run.history import History
 from wbc.run.obstacles import ObstacleTrack

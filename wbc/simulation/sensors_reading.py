@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.estimation.measurement import ImuReading, Measurement
 from wbc.robot.limits import BASE_NV
-from wbc.robot.mounted import MountedFrames
+from wbc.robot.mounted_frames import MountedFrames
 from wbc.rotations import exp_rotation, log_rotation, rotation_from
 from wbc.simulation.plant import Plant
 from wbc.simulation.sensors_devices import Devices, Imu

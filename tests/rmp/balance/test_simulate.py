@@ -119,13 +119,13 @@ def test_a_push_changes_the_coms_velocity_and_nothing_else(kind: str) -> None:
     # In a run: both pushes of one instant add up, and the law sees what they did.
     seen = []
 
-    class Watching(Constant):
+    class RunViewer(Constant):
         def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
             seen.append(v)
             return super().command(q, v, time)
 
     parts = (Blow(0.0102, 0.5 * impulse), Blow(0.01, 0.5 * impulse))
-    run = simulate(Watching(law.model, law.force), q, v, 0.02, pushes=parts)
+    run = simulate(RunViewer(law.model, law.force), q, v, 0.02, pushes=parts)
     calm = simulate(law, q, v, 0.02)
     np.testing.assert_array_equal(run.v[:10], calm.v[:10])
     np.testing.assert_array_equal(run.v[:-1], seen)

@@ -18,8 +18,8 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live import process
 from wbc.view.live.messages import Frame, Restart, Setup
 from wbc.view.live.process import HOST, PageAddress, page_address
+from wbc.view.live.run_viewer import RunViewer
 from wbc.view.live.viewer import Viewer
-from wbc.view.live.watching import Watching
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.M
     terrain = Terrain(slope=(0.1, 0.0))
     Viewer(robot, quiet=True).close()
     Viewer(robot, terrain=terrain, quiet=True).close()
-    Watching(robot, terrain=terrain).viewer.close()
+    RunViewer(robot, terrain=terrain).viewer.close()
     assert [one.terrain for one in told] == [LEVEL, terrain, terrain]
 
 

@@ -52,7 +52,7 @@ from wbc.tracking.pendulum import RobotPendulum
 from wbc.tracking.reference import DOUBLE
 
 # Moments between two knots, so that curves look like curves.
-FINER = 4
+POINTS_PER_INTERVAL = 4
 
 _Durations = Annotated[Size | Two[Size], Forms("seconds, or [least, greatest]")]
 _Com = Annotated[
@@ -278,7 +278,7 @@ def plan_history(plan: Plan) -> PendulumHistory:
     The leg's foot is the CoP. A planar pendulum is the slice y = 0 of a solid one, and has three
     pairs of masses here too.
     """
-    motion = plan.refined(FINER)
+    motion = plan.refined(POINTS_PER_INTERVAL)
     n = len(motion.time)
     stands = ~np.isnan(motion.cop[:, 0])
     cop, cmp = np.full((n, 3), np.nan), np.full((n, 3), np.nan)

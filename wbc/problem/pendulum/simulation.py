@@ -26,7 +26,7 @@ from wbc.run.callbacks import Cancelled, Progress
 from wbc.validate import Array
 
 # The phase of a run that ended before its first step.
-UNSTARTED = "start"
+NOT_STARTED = "start"
 _ENDINGS = {
     Ending.COMPLETE: PendulumStatus.COMPLETED,
     Ending.FELL: PendulumStatus.FELL,
@@ -186,7 +186,7 @@ def simulation_history(simulation: Simulation) -> PendulumHistory:
     return PendulumHistory(
         flat=flat,
         time=simulation.time,
-        phase=(*simulation.phase, simulation.phase[-1] if simulation.phase else UNSTARTED),
+        phase=(*simulation.phase, simulation.phase[-1] if simulation.phase else NOT_STARTED),
         com=com,
         com_velocity=velocity,
         foot=foot,

@@ -12,7 +12,7 @@ from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view.live.layers.forces import REACH
 from wbc.view.live.messages import PullRobot, ReleasePull, Request
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 KEY = "shift"  # held while dragging: a drag without it turns the camera
 
@@ -43,7 +43,7 @@ class Grip:
         self._send = send
         self._stiffness = robot.weight / (REACH * size)
         self._changing = threading.Lock()  # drags are told by another thread than shows
-        self._shown: Shown | None = None
+        self._shown: ShownFrame | None = None
         self._link = ""  # what is grabbed; empty: nothing
         self._point = np.zeros(3)  # of the link, in its axes
         self._pointer = np.zeros(3)  # from the page's origin [m], world axes
@@ -65,7 +65,7 @@ class Grip:
 
         mesh.on_drag("left", modifier=KEY)(dragged)
 
-    def _grab(self, link: str, place: Array, shown: Shown) -> None:
+    def _grab(self, link: str, place: Array, shown: ShownFrame) -> None:
         """Grab a link at a place (3,) from the page's origin."""
         R, p = shown.snapshot.rotation(link), shown.snapshot.position(link)
         self._link, self._point = link, R.T @ (place + shown.followed - p)
@@ -74,7 +74,7 @@ class Grip:
         target = self._pointer + followed
         self._send(PullRobot(self._link, self._point, target, self._stiffness))
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Update for a frame; a resting pointer moves through the world with the view."""
         with self._changing:
             before, self._shown = self._shown, shown

@@ -32,7 +32,7 @@ from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import LivePanel
 from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.live.sliders import Sliders
 
 NICE = 10  # lower priority than the control loop
@@ -67,7 +67,7 @@ class Page:
         self._drawn: tuple[Frame, ControllerInfo | None] | None = None
         self._drawn_cast: ControllerInfo | None = None
         self._changed = self._seen_forces = False
-        self._last: Shown | None = None
+        self._last: ShownFrame | None = None
         self._panel_at = self._controls_at = 0.0
         self._awaited = setup.clock
         shapes = RobotShapes(self._robot)
@@ -195,7 +195,7 @@ class Page:
         self._drawn, self._changed = wanted, False
         frame, cast = wanted
         previous = None if self._last is None else self._last.state
-        shown = Shown(self._robot, frame, cast, previous, self._terrain)
+        shown = ShownFrame(self._robot, frame, cast, previous, self._terrain)
         self._following.follow(shown.snapshot.com, frame.time)
         shown.followed = self._following.point
         with self.server.atomic():

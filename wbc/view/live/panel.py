@@ -10,7 +10,7 @@ from viser import GuiApi
 
 from wbc.view.live.layers.margins import Pair
 from wbc.view.live.messages import TickInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 MOST_LISTED = 6  # names under a heading
 _STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.9em 0.4em;font-variant-numeric:tabular-nums"
@@ -26,7 +26,7 @@ class LivePanel:
         self._html = gui.add_html("")
         self._note = note
 
-    def show(self, shown: Shown, nearest: Sequence[Pair]) -> None:
+    def show(self, shown: ShownFrame, nearest: Sequence[Pair]) -> None:
         """Write the numbers of a frame."""
         frame, told = shown.frame, shown.frame.told
         paused = "" if frame.playing else " (paused)"
@@ -82,7 +82,7 @@ def _status(told: TickInfo) -> str:
     return _line("QP", f"solved{scaled}")
 
 
-def _errors(shown: Shown, told: TickInfo) -> str:
+def _errors(shown: ShownFrame, told: TickInfo) -> str:
     units = {}
     if shown.cast is not None:
         units = {task.name: _unit(task.units) for task in shown.cast.tasks}

@@ -12,7 +12,7 @@ from viser import GuiApi
 from wbc.spatial import COMPONENTS, DIAGONAL, vech
 from wbc.validate import Array
 from wbc.view.live.messages import ControllerInfo, Release, Request, SetTarget, SetWeight, TaskInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 USER_HOLD_TIME = 0.6  # s after the user has moved a slider, until it follows the target again
 FACTORS = (0.5, 2.0)  # of an inertia, relative to that at the first frame
@@ -62,7 +62,7 @@ class Sliders:
             release.on_click(lambda _: self._release())
             self._weights_folder = gui.add_folder("Weights, powers of ten", order=1.0)
 
-    def cast(self, cast: ControllerInfo, shown: Shown) -> None:
+    def cast(self, cast: ControllerInfo, shown: ShownFrame) -> None:
         """Make the sliders of tasks that are new, and hide those of tasks that are over."""
         used = {(task.name, task.kind, task.frame, task.rows): task for task in cast.tasks}
         for key, task in used.items():
@@ -72,7 +72,7 @@ class Sliders:
             for element in elements:
                 element.visible = key in used
 
-    def _made(self, task: TaskInfo, shown: Shown) -> list[Any]:
+    def _made(self, task: TaskInfo, shown: ShownFrame) -> list[Any]:
         made = list[Any]()
         with self._tab:
             if task.kind in ("inertia", "principal"):
@@ -83,7 +83,7 @@ class Sliders:
             made.append(self._add_weight(task))
         return made
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Let sliders follow targets that the program moves."""
         now = time.monotonic()
         self._targets = {name: target[0] for name, target in shown.frame.targets.items()}
@@ -99,7 +99,7 @@ class Sliders:
 
     # ------------------------------------------------------------------ kinds of sliders
 
-    def _add_inertia(self, task: TaskInfo, shown: Shown) -> Any:
+    def _add_inertia(self, task: TaskInfo, shown: ShownFrame) -> Any:
         rows: tuple[str, ...]
         if task.kind == "principal":
             base, rows = np.linalg.eigvalsh(shown.snapshot.inertia), PRINCIPAL
@@ -129,7 +129,7 @@ class Sliders:
         whole = float(base[chosen].sum())
         self._connect(slider, task, move, lambda target: float(target[chosen].sum()) / whole)
 
-    def _add_com(self, task: TaskInfo, shown: Shown) -> Any:
+    def _add_com(self, task: TaskInfo, shown: ShownFrame) -> Any:
         base = self._base.setdefault(task.name, shown.snapshot.com.copy())
         reach = 10 * round(100.0 * OFFSET * self._size)
         folder = self._gui.add_folder(f"CoM wanted: {task.name}", order=TAB_ORDER)

@@ -13,7 +13,7 @@ from wbc.robot.geometry import cone
 from wbc.validate import Array
 from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Layer, wxyz
 from wbc.view.live.messages import ControllerInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 REACH = 0.5  # of the robot's size: the arrow of a force as large as the robot's weight
 CONE = 0.15  # of the robot's size: height of a cone
@@ -58,7 +58,7 @@ class ForcesLayer(Layer):
                 visible=False,
             )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw the forces of the tick; none at the velocity level."""
         acting = [
             (name, *one)

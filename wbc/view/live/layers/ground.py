@@ -10,7 +10,7 @@ from wbc.rotations import rotation_from
 from wbc.simulation.terrain import Terrain
 from wbc.view import palette
 from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, closed
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.solids import board_surfaces
 
 GROUND_OFFSET = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
@@ -53,7 +53,7 @@ class GroundLayer(Layer):
                 side="double",
             )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Move the grid below what is followed; its lines stay where they are."""
         sections = np.round(self._axes.T @ shown.followed / self._section)
         self._grid.position = self._axes @ (*(self._section * sections[:2]), 0.0)
@@ -71,7 +71,7 @@ class SupportLayer(Layer):
         }
         self._polygon = self.lines("polygon", SKY, thickness=0.006)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Outline soles and polygon."""
         standing = {foot.name for foot in shown.standing}
         for foot in shown.robot.feet.values():
@@ -107,7 +107,7 @@ class ComLayer(Layer):
         )
         self._plumb = self.lines("plumb", GREY, thickness=0.002)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Move the CoM and its marks on the ground."""
         com = shown.snapshot.com
         below = shown.on_ground(com) + GROUND_OFFSET

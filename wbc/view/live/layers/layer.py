@@ -15,7 +15,7 @@ from wbc.rotations import quaternion_from, rotation_from
 from wbc.validate import Array
 from wbc.view import palette
 from wbc.view.live.messages import ControllerInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.solids import solid_surface
 
 Colour = tuple[int, int, int]
@@ -74,7 +74,7 @@ class Layer(ABC):
         )
 
     @abstractmethod
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw a frame; called only while the layer is visible."""
 
 

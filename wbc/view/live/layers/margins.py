@@ -12,7 +12,7 @@ from wbc.robot.collision import CollisionModel, HalfSpace
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, surface_of, wxyz
 from wbc.view.live.messages import ControllerInfo, PairsInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 NEAREST = 6  # pairs listed for each constraint
 MEASURED = 25  # of which the nearest are looked at: some keep less than others
@@ -46,7 +46,7 @@ class Watched:
         self._model = CollisionModel(robot, info.bodies, info.pairs)
         self._first = len(info.bodies) - len(info.obstacles)
 
-    def nearest(self, shown: Shown) -> list[Pair]:
+    def nearest(self, shown: ShownFrame) -> list[Pair]:
         """Return the nearest pairs, those first of which least is left."""
         for k, (name, _) in enumerate(self._info.obstacles):
             if name in shown.frame.obstacles:
@@ -87,7 +87,7 @@ class MarginsLayer(Layer):
         self._watched = [Watched(self._robot, info) for info in cast.pairs]
         self.nearest = []
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Measure and draw."""
         found = [pair for watched in self._watched for pair in watched.nearest(shown)]
         self.nearest = sorted(found, key=lambda pair: pair.distance - pair.margin)
@@ -127,7 +127,7 @@ class ObstaclesLayer(Layer):
                     side="double",
                 )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Put them where they are."""
         for name, (rotation, origin) in shown.frame.obstacles.items():
             if name in self._nodes:

@@ -20,7 +20,7 @@ from wbc.view.live.layers.layer import (
     closed,
     wxyz,
 )
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 THINNEST = 1e-3  # m: a flat ellipsoid is drawn this thick
 AHEAD = 0.5  # s: a momentum arrow shows how far it carries the CoM in this time
@@ -54,7 +54,7 @@ class EllipsoidLayer(Layer):
             f"{self.path}/sections", sections(), BLUE, thickness=1.5, thickness_units="screen"
         )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Stretch and turn it."""
         ellipsoid = shown.state.ellipsoid
         a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
@@ -84,7 +84,7 @@ class MassesLayer(Layer):
             thickness=0.004 * size,
         )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Put the masses on their tracks."""
         state = shown.state
         reach = state.axes.T * state.radii[:, None]  # (3, 3), a row per axis
@@ -111,7 +111,7 @@ class LegLayer(Layer):
             for name, anchor in (("CoP", "top-left"), ("CMP", "bottom-right"))
         ]
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw them where the ground pushes."""
         state = shown.state
         known = shown.has_ground and state.cop is not None and state.cmp is not None
@@ -144,7 +144,7 @@ class MomentumLayer(Layer):
             head_length=0.035 * size,
         )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw where the momentum carries the CoM, and about which axis the robot turns."""
         state = shown.state
         ways = np.stack(

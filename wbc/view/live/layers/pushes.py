@@ -12,7 +12,7 @@ from wbc.validate import Array
 from wbc.view.live.layers.forces import REACH
 from wbc.view.live.layers.layer import GREY, VERMILION, Layer
 from wbc.view.live.messages import PUSH_DURATION
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 LONGEST = 0.6  # of the robot's size: the arrow of the largest push
 AWAY = 0.25  # of the robot's size: how far from the CoM it ends, where the body does not hide it
@@ -39,7 +39,7 @@ class PushLayer(Layer):
         self._offered, self._largest = offered, largest
         self._arrow = self.arrows("arrow", GREY, shaft=0.009, head=0.024, length=0.05)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw the push that acts, or the one that is offered."""
         force = shown.frame.push
         acts = force is not None and bool(np.any(force))
@@ -64,7 +64,7 @@ class PullLayer(Layer):
         self._stiffness = robot.weight / (REACH * size)
         self._arrow = self.arrows("arrow", VERMILION, shaft=0.009, head=0.024, length=0.05)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Draw the force that pulls."""
         pull = shown.frame.pull
         self._arrow.visible = pull is not None

@@ -13,7 +13,7 @@ from wbc.robot.collision import fitted_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 PALE = 0.92  # the brightest that a shape is drawn: white would have no shading
 
@@ -96,7 +96,7 @@ class RobotLayer(Layer):
             for number, (joint, mesh) in enumerate(shapes.shapes)
         ]
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Move the links."""
         self.place(shown.frame.q)
 
@@ -117,7 +117,7 @@ class BesideLayer(RobotLayer):
 
     label = "Human"
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Move its links."""
         if shown.frame.beside is not None:
             self.place(shown.frame.beside)

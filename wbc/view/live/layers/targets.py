@@ -18,7 +18,7 @@ from wbc.validate import Array
 from wbc.view.live.layers.layer import GREEN, Layer, wxyz
 from wbc.view.live.layers.pendulum import THINNEST, sections
 from wbc.view.live.messages import ControllerInfo, SetTarget, TaskInfo
-from wbc.view.live.shown import Shown
+from wbc.view.live.shown_frame import ShownFrame
 
 HANDLE = 0.16  # of the robot's size
 HELD = 0.6  # s after the last drag for which a handle is left where the user has put it
@@ -34,7 +34,7 @@ class Place:
     position: TaskInfo | None = None
     rotation: TaskInfo | None = None
 
-    def pose(self, shown: Shown) -> tuple[Array, Array] | None:
+    def pose(self, shown: ShownFrame) -> tuple[Array, Array] | None:
         """Return wanted position and rotation; a position that no task wants is as it is.
 
         None if there is no target.
@@ -134,7 +134,7 @@ class TargetsLayer(Layer):
             thickness_units="screen",
         )
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Put the ghosts where the targets are now."""
         lines = []
         for place, node in self._places:
@@ -158,7 +158,7 @@ class TargetsLayer(Layer):
                 node.wxyz = wxyz(ellipsoid.axes)
         self._show_axes(shown)
 
-    def _show_axes(self, shown: Shown) -> None:
+    def _show_axes(self, shown: ShownFrame) -> None:
         wanted = [task for task in self._axes if task.name in shown.frame.targets]
         self._arrows.visible = bool(wanted)
         if wanted:
@@ -171,7 +171,7 @@ class TargetsLayer(Layer):
             self._arrows.points = np.stack([origins, ends], axis=1).astype(np.float32)
 
 
-def wanted_ellipsoid(task: TaskInfo, shown: Shown) -> Ellipsoid | None:
+def wanted_ellipsoid(task: TaskInfo, shown: ShownFrame) -> Ellipsoid | None:
     """Return the ellipsoid that a task wants; what it leaves open is as it is.
 
     None if no body has such an inertia, or the task has no target.
@@ -239,7 +239,7 @@ class HandlesLayer(Layer):
         handle.on_update(dragged)
         return handle
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownFrame) -> None:
         """Put the handles where the targets are, but for those in somebody's hand."""
         now = time.monotonic()
         for place, handle in self._handles:

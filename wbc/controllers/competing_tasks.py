@@ -22,7 +22,7 @@ LEAST_GAIN_RATIO = 1.25  # between the gains of two tasks that are reported
 LEAST_ERROR = 1e-6  # weighted errors below this are ignored
 
 
-def competing(
+def competing_tasks(
     tasks: Iterable[Task], snapshot: Snapshot, velocity: Array, dt: float
 ) -> dict[str, float]:
     """Return the gains, by name, of the tasks of one level that compete at different gains.

@@ -9,7 +9,7 @@ import pytest
 
 from tests.texts import STAND
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
+from wbc.problem.pushed_problem import LoadPushed, PushedProblem, PushSettings
 from wbc.simulation import capture_impulse
 
 PUSHED = (

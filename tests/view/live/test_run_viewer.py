@@ -11,8 +11,8 @@ from wbc.robot import Robot
 from wbc.run.result import Result
 from wbc.view.live.collect import controller_info
 from wbc.view.live.messages import SetTarget, WholeRun
+from wbc.view.live.run_viewer import RunViewer, frames_of
 from wbc.view.live.viewer import Viewer
-from wbc.view.live.watching import Watching, frames_of
 
 SHIFT = """
 robot: hoap2_like
@@ -43,7 +43,7 @@ def test_it_is_the_same_run(
     problem: Problem, alone: Result, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the bit, even if somebody tries to steer."""
-    watching = Watching(problem.parts.robot)
+    watching = RunViewer(problem.parts.robot)
     viewer = watching.viewer
     viewer._page.receive = lambda: SetTarget("com", (np.zeros(3),))  # type: ignore[method-assign]
     try:

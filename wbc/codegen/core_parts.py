@@ -20,17 +20,17 @@ from wbc.tasks.task import Task
 
 
 class CodegenError(WbcError):
-    """A controller that cannot be written out as C; the message names what is in the way."""
+    """A controller that cannot be exported as C; the message names the unsupported part."""
 
 
-class Known(NamedTuple):
+class CoreParts(NamedTuple):
     """What the core computes ticks by, and the settings that it solves QPs with."""
 
     plan: CorePlan
     solver: ActiveSet
 
 
-def known(controller: Controller) -> Known:
+def core_parts(controller: Controller) -> CoreParts:
     """Return what the core computes every tick of a controller by.
 
     Raises
@@ -38,13 +38,13 @@ def known(controller: Controller) -> Known:
     CodegenError
         It does not know all parts of it.
     """
-    reason, solver = _unknown(controller), controller.backend
+    reason, solver = _unsupported(controller), controller.backend
     if reason is None and isinstance(solver, ActiveSet):
-        return Known(controller.core, solver)
+        return CoreParts(controller.core, solver)
     raise CodegenError(f"the exported C does not know {reason}")
 
 
-def _unknown(controller: Controller) -> str | None:
+def _unsupported(controller: Controller) -> str | None:
     """Return what the core does not know, in words; None if nothing is found."""
     if type(controller.backend) is not ActiveSet:
         return f"the solver {controller.backend.name!r}; set controller.solver to {NAME}"
@@ -71,7 +71,7 @@ def _unknown(controller: Controller) -> str | None:
         rows = native_rows_of(task, torque)
         python = isinstance(task, ForceTask) or rows is None or _is_seen_from(rows)
         if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
-            return _of_task(task, torque)
+            return _reason_of(task, torque)
     # The core has a margin where the only constraint is a self-collision that it knows.
     if controller.constraints and controller.core.margin is None:
         for one in controller.constraints:
@@ -92,7 +92,7 @@ def _is_second_order(task: Task) -> bool:
     return isinstance(task, InertiaTask) and task.second_order
 
 
-def _of_task(task: Task, torque: bool) -> str:
+def _reason_of(task: Task, torque: bool) -> str:
     """Return why a task is not known."""
     what = f"task {task.name!r}"
     if isinstance(task, ForceTask):

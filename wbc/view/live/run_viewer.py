@@ -15,7 +15,7 @@ from wbc.view.live.viewer import Viewer
 RATE = 60.0  # frames for each second of the run
 
 
-class Watching:
+class RunViewer:
     """Shows a run without interaction, so that its result is that of an unwatched one."""
 
     def __init__(self, robot: Robot, *, title: str | None = None, terrain: Terrain = LEVEL) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from wbc.errors import ProblemFileError
-from wbc.problem import reading
-from wbc.problem.reading import MAX_ALIASES, MAX_BYTES, MAX_DEPTH, parse, read_source
+from wbc.problem import yaml_reader
+from wbc.problem.yaml_reader import MAX_ALIASES, MAX_BYTES, MAX_DEPTH, parse, read_source
 
 
 def refusal(text: str) -> str:
@@ -97,7 +97,7 @@ def test_alias_bombs_are_refused() -> None:
 
 
 def test_many_values_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "MAX_VALUES", 100)
+    monkeypatch.setattr(yaml_reader, "MAX_VALUES", 100)
     assert "more than 100 values" in refusal("a: [" + "1, " * 300 + "]")
 
 

@@ -18,7 +18,7 @@ from wbc.view.scene import sole_corners
 GROUND_TOLERANCE = 2e-3  # m: of a standing sole's corners
 
 
-class Shown:
+class ShownFrame:
     """A frame with the robot's snapshot and its pendulum; computed when first asked for.
 
     Attributes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.controllers.competing import competing
+from wbc.controllers.competing_tasks import competing_tasks
 from wbc.laws import Residual
 from wbc.robot import Robot
 
@@ -90,10 +90,12 @@ def test_tasks_on_their_way_and_light_ones_are_not_named(hoap2) -> None:
     tick, _ = at_rest(hoap2, tasks, 3)
     here = hoap2.snapshot(hoap2.posture("standing"))
     assert np.abs(tick.velocity).max() > 0.1
-    assert competing(tasks, here, tick.velocity, 0.005) == {}
-    assert list(competing(tasks, here, np.zeros(hoap2.nv), 0.005)) == [one.name for one in tasks]
+    assert competing_tasks(tasks, here, tick.velocity, 0.005) == {}
+    assert list(competing_tasks(tasks, here, np.zeros(hoap2.nv), 0.005)) == [
+        one.name for one in tasks
+    ]
     # One that is lighter than a fiftieth of the heaviest has no part in it.
     tasks = [tasks[1], Elbow(hoap2, -0.7, gain=0.1, weight=1e-3)]
-    assert competing(tasks, here, np.zeros(hoap2.nv), 0.005) == {}
+    assert competing_tasks(tasks, here, np.zeros(hoap2.nv), 0.005) == {}
     tasks[1].weight = 0.5
-    assert len(competing(tasks, here, np.zeros(hoap2.nv), 0.005)) == 2
+    assert len(competing_tasks(tasks, here, np.zeros(hoap2.nv), 0.005)) == 2
