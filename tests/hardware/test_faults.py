@@ -25,7 +25,7 @@ from hardware_faults import (
 )
 
 from tests.command import wbc_command
-from wbc.cli.hardware_run import _aside, _said
+from wbc.cli.hardware_run import _print, _printer
 from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Bus, BusError, Reading
 from wbc.hardware.loop import HardwareLoop
@@ -461,7 +461,7 @@ def test_a_reader_of_what_is_said_that_is_gone_ends_no_run(monkeypatch: pytest.M
         raise BrokenPipeError
 
     monkeypatch.setattr("typer.echo", broken)
-    _said("damping: armed by hand")
+    _print("damping: armed by hand")
 
 
 def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -474,7 +474,7 @@ def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("typer.echo", stopped)
     with ThreadPoolExecutor(1) as voice:
-        say = _aside(voice)
+        say = _printer(voice)
         say("damping: armed by hand")
         say("standing up: asked to stand up")
         assert not printed  # nobody waited
