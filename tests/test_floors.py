@@ -21,7 +21,7 @@ FLOORS = {
     "placement": 0,
     "sparse": 0,
     "notebook": 0,
-    "pickled": 0,
+    "safe_pickle": 0,
     "journal": 0,
     "workers": 0,
     "robot": 1,

@@ -14,8 +14,8 @@ import wbc
 from wbc.controllers.saved_tick import SavedTick
 from wbc.controllers.tick import TICK_FILE
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.pickled import read_pickled, write_pickled
 from wbc.robot import Robot
+from wbc.safe_pickle import read_pickled, write_pickled
 
 
 def wild(robot: Robot, level: str, rng: np.random.Generator, **options: object) -> wbc.Controller:

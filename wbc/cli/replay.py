@@ -39,7 +39,7 @@ def replay(
     """
     from wbc.controllers.tick import TICK_FILE
     from wbc.errors import InvalidInputError
-    from wbc.pickled import kind_of
+    from wbc.safe_pickle import kind_of
 
     if kind_of(file) == TICK_FILE:
         same, text = _tick(file, code)

@@ -9,7 +9,7 @@ import numpy as np
 from wbc.constraints.contact import Contact
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
-from wbc.robot.formats.ties import Loop
+from wbc.robot.formats.couplings import Loop
 from wbc.robot.names import BASE
 from wbc.tasks.core_task import CoreTask
 from wbc.tasks.frame import TURNS

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.controllers.controller import Controller
 from wbc.controllers.tick import TICK_FILE, Tick
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.pickled import made_with, read_pickled
+from wbc.safe_pickle import made_with, read_pickled
 from wbc.validate import Array
 
 

@@ -13,10 +13,10 @@ from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
 from wbc.errors import InvalidInputError, listed, no_attribute
 from wbc.notebook import as_html
-from wbc.pickled import write_pickled
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
 from wbc.robot.limits import BASE_NV
+from wbc.safe_pickle import write_pickled
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")

@@ -31,7 +31,7 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.robot import FootSpec, Robot
-from wbc.robot.formats.ties import Loop
+from wbc.robot.formats.couplings import Loop
 from wbc.robot.library import is_file_name
 from wbc.robot.loops import KINDS
 from wbc.validate import Array

@@ -4,7 +4,7 @@ The only folder that knows Pinocchio.
 """
 
 from wbc.robot.feet import Foot, FootSpec
-from wbc.robot.formats.ties import Loop
+from wbc.robot.formats.couplings import Loop
 from wbc.robot.library import robot_names
 from wbc.robot.limits import JointLimits
 from wbc.robot.model import Robot, Snapshot

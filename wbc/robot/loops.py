@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
-from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.limits import BASE_NV, JointLimits
 from wbc.robot.names import frame_table, matching
 from wbc.rotations import log_rotation

@@ -19,9 +19,9 @@ from wbc.notebook import as_html, with_picture
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
+from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.formats.description import Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
-from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.formats.triangles import Surfaces, with_meshes
 from wbc.robot.library import NamedRobot, RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits

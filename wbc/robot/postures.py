@@ -13,8 +13,8 @@ import pinocchio as pin
 from wbc.errors import InvalidInputError, ModelError
 from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
+from wbc.robot.formats.couplings import Coupling
 from wbc.robot.formats.description import State
-from wbc.robot.formats.ties import Coupling
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import CLOSED_GAP, Closure

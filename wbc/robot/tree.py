@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError, listed
 from wbc.native import lib
 from wbc.robot.feet import NO_FEET, Foot
-from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.kernel_check import checked_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits

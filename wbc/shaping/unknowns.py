@@ -24,7 +24,7 @@ from wbc.constraints import Contact, Limits
 from wbc.errors import InvalidInputError
 from wbc.placement import Placement, from_mrp
 from wbc.robot import Robot
-from wbc.robot.formats.ties import Coupling
+from wbc.robot.formats.couplings import Coupling
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns

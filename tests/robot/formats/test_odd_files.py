@@ -9,7 +9,7 @@ import pytest
 from tests.robot.formats.mjcf_texts import INERTIAL, arm, assert_agree, mujoco, text
 from wbc.errors import ModelError
 from wbc.robot import Robot
-from wbc.robot.formats.ties import Coupling
+from wbc.robot.formats.couplings import Coupling
 
 MOTOR = '<actuator><motor joint="{}" ctrlrange="-3 3"/></actuator>'
 TWO = arm() + arm(name="b2").replace("j1", "j2")

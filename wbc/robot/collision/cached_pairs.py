@@ -19,12 +19,12 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.files import cache_folder
-from wbc.pickled import read_pickled, write_pickled
 from wbc.robot.collision.bodies import refuse_missing, robot_bodies
 from wbc.robot.collision.fitting import VERSION
 from wbc.robot.collision.pairs import Pattern, Selection, select_pairs
 from wbc.robot.collision.shapes import Body
 from wbc.robot.model import Robot
+from wbc.safe_pickle import read_pickled, write_pickled
 
 KIND = "wbc collision shapes 1"
 Fitted = TypeVar("Fitted")

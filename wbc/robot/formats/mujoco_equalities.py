@@ -10,9 +10,9 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from wbc.errors import ModelError, listed
+from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.formats.mujoco_part import RobotPart, acting_motors
 from wbc.robot.formats.mujoco_tree import pose_of
-from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.formats.xml import LARGEST_GEAR
 
 CONNECT = "mjEQ_CONNECT"

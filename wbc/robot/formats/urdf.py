@@ -15,6 +15,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from wbc.errors import ModelError, listed
+from wbc.robot.formats.couplings import Coupling
 from wbc.robot.formats.description import (
     Description,
     check_joint_count,
@@ -23,7 +24,6 @@ from wbc.robot.formats.description import (
     refuse_reserved,
 )
 from wbc.robot.formats.mesh_files import missing_notes, resolve_meshes
-from wbc.robot.formats.ties import Coupling
 from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,

@@ -2,7 +2,7 @@
 
     control process                        page process
     Viewer.update -> latest -> sender ---> Page: recording, layers, panel --> browsers
-    Steering (targets, weights) <--------- sliders, dragged targets, buttons
+    TargetControls (targets, weights) <--------- sliders, dragged targets, buttons
 
 The control loop pays for storing one reference per tick; everything that is drawn is computed by
 the page's process. It builds frames at its own pace and drops those it has no time for.

@@ -16,8 +16,8 @@ import numpy as np
 import viser
 
 from wbc.view.camera import viewing_axes
+from wbc.view.live.camera_following import Following
 from wbc.view.live.controls import Controls, PushControls
-from wbc.view.live.following import Following
 from wbc.view.live.grip import Grip
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer

@@ -24,7 +24,7 @@ from wbc.validate import Array
 from wbc.view.live.collect import controller_info, obstacles_of, targets_of, tick_info
 from wbc.view.live.messages import Frame, PullForce, Request, Setup, TaskRequest, WholeRun
 from wbc.view.live.process import HOST, Failed, PageProcess, page_address
-from wbc.view.live.steering import Steering
+from wbc.view.live.target_controls import TargetControls
 
 PERIOD = 1.0 / 25.0  # s between frames
 CLOSING = 2.0  # s to wait for the threads
@@ -118,7 +118,7 @@ class Viewer:
             check_parts(robot, controller.tasks, controller.contacts, None, ())
         place = page_address(host, port)
         self.robot, self.controller = robot, controller
-        self.steering = Steering()
+        self.steering = TargetControls()
         self.error = ""
         self._may_steer = steer
         # A single slot, overwritten if it was not read. Storing and taking are atomic operations of

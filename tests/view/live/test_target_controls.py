@@ -1,4 +1,4 @@
-"""Steering: targets and weights of the user stand over those of others, and can be given back."""
+"""The controls of targets and weights: the user's stand over those of others, and can be reset."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import wbc
 from wbc.robot import Robot
 from wbc.view.live.messages import Release, SetTarget, SetWeight
-from wbc.view.live.steering import Steering
+from wbc.view.live.target_controls import TargetControls
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_targets_are_set_and_given_back(controller: wbc.KinematicController) -> 
     com, hand, _ = controller.tasks
     before, wanted = com.target, com.target + 0.01
     place, turn = hand.position, hand.rotation
-    steering = Steering()
+    steering = TargetControls()
     assert not steering
     steering.receive(SetTarget("com", (wanted,)), controller)
     steering.receive(SetTarget("hand", (place + 0.1, np.eye(3))), controller)
@@ -45,7 +45,7 @@ def test_targets_are_set_and_given_back(controller: wbc.KinematicController) -> 
 def test_the_user_stands_over_a_ramp_which_goes_on_underneath(
     controller: wbc.KinematicController,
 ) -> None:
-    com, steering = controller.tasks[0], Steering()
+    com, steering = controller.tasks[0], TargetControls()
     wanted, start = com.target + 0.05, com.target
     steering.receive(SetTarget("com", (wanted,)), controller)
     for tick in range(1, 4):
@@ -57,7 +57,7 @@ def test_the_user_stands_over_a_ramp_which_goes_on_underneath(
 
 
 def test_weights_are_factors_that_do_not_pile_up(controller: wbc.KinematicController) -> None:
-    inertia, steering = controller.tasks[2], Steering()
+    inertia, steering = controller.tasks[2], TargetControls()
     before = inertia.weight
     for factor in (0.1, 10.0):
         steering.receive(SetWeight("inertia", factor), controller)
@@ -72,7 +72,7 @@ def test_weights_are_factors_that_do_not_pile_up(controller: wbc.KinematicContro
 
 
 def test_what_a_task_refuses_is_dropped_and_said(controller: wbc.KinematicController) -> None:
-    hand, steering = controller.tasks[1], Steering()
+    hand, steering = controller.tasks[1], TargetControls()
     turn = hand.rotation
     steering.receive(SetTarget("hand", (hand.position, np.ones((3, 3)))), controller)
     assert "task 'hand', rotation" in steering.refusal

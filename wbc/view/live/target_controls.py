@@ -14,7 +14,7 @@ from wbc.validate import Array
 from wbc.view.live.messages import Release, SetTarget, TaskRequest
 
 
-class Steering:
+class TargetControls:
     """The user's targets and weights, applied before each tick over the program's.
 
     Attributes

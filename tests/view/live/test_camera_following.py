@@ -10,7 +10,7 @@ from tests.view.live.conftest import Stage, client_of, tell
 from wbc.rotations import rotation_from
 from wbc.simulation import Terrain
 from wbc.validate import Array
-from wbc.view.live.following import FREE_RADIUS, TIME_CONSTANT, TIME_GAP
+from wbc.view.live.camera_following import FREE_RADIUS, TIME_CONSTANT, TIME_GAP
 from wbc.view.live.layers.robot import RobotShapes
 from wbc.view.live.messages import Frame
 
