@@ -88,7 +88,7 @@ def check(table: Path, runs: int) -> None:
     assert numbers == list(range(runs)) and solved == runs
 
 
-def on_cluster(file: Path, runs: int) -> Path:
+def run_on_cluster(file: Path, runs: int) -> Path:
     """Run a campaign on two workers; kill one, and the campaign, during it."""
     from distributed import LocalCluster
 
@@ -182,7 +182,7 @@ def main() -> None:
             check(run_killed(file, options.runs, options.kills, "--workers", "2"), options.runs)
         if options.only in (None, "cluster"):
             print("a cluster of two workers", flush=True)
-            check(on_cluster(folder / "cluster.yaml", options.runs), options.runs)
+            check(run_on_cluster(folder / "cluster.yaml", options.runs), options.runs)
         if options.only in (None, "scaling"):
             text = scaling(folder, file, options.workers)
             print(text)

@@ -109,7 +109,7 @@ def only(qp: QP, rows: list[ConflictRow]) -> QP:
                        labels=labels)  # fmt: skip
 
 
-def blamed_in_vain(qp: QP, conflict: Conflict) -> list[str]:
+def conflict_error(qp: QP, conflict: Conflict) -> list[str]:
     """Return the error of a named conflict; nothing if it is one, and needs each of its rows.
 
     Without a row the others must be met by far better than with it, in rows of unit length.

@@ -56,7 +56,7 @@ FAR_OFF[2, 2] = math.radians(5.0) ** 2
 MADE_OF = {"wbc": wbc.__version__, "code": code_of(), "dt": DT, "speed": SPEED}
 
 
-def begun(start: Start) -> ContactFilter:
+def start_filter(start: Start) -> ContactFilter:
     f = ContactFilter(2, NOISE)
     f.reset(start.R, start.p, start.v, covariance=start.covariance)
     for k, one in enumerate(start.feet):
@@ -67,7 +67,7 @@ def begun(start: Start) -> ContactFilter:
 def consistency(seed: int) -> dict[str, Any]:
     """NIS of a run against its 95 % bounds, and errors of biases against their deviations."""
     start, moments = swaying(seed, CORRECTIONS, 1.5)
-    f, total = begun(start), 0.0
+    f, total = start_filter(start), 0.0
     for now in moments:
         f.predict(now.rate, now.force, STEP)
         total += sum(f.correct(k, *one).squared for k, one in enumerate(now.feet))
@@ -84,10 +84,10 @@ def consistency(seed: int) -> dict[str, Any]:
     }
 
 
-def beside_plain(seed: int) -> dict[str, Any]:
+def compare_with_plain(seed: int) -> dict[str, Any]:
     """Errors of both filters from a large initial error."""
     start, moments = swaying(1000 + seed, 1000, 1.0, FAR_OFF)
-    f = begun(start)
+    f = start_filter(start)
     plain = PlainFilter(NOISE, start.R, start.v, start.p, start.covariance)
     for one in start.feet:
         plain.hold(*one)
@@ -115,7 +115,9 @@ def beside_plain(seed: int) -> dict[str, Any]:
     return found
 
 
-def walked(seed: int, keep: list[Measurement] | None = None, steps: int = WALKED) -> dict[str, Any]:
+def walk_estimated(
+    seed: int, keep: list[Measurement] | None = None, steps: int = WALKED
+) -> dict[str, Any]:
     """Walk on the estimated state; ``keep`` collects the messages, if given."""
     robot = robot_named("g1")
     plant = sensed_plant_of(robot, seed, Terrain(), robot.posture("standing"))
@@ -152,7 +154,7 @@ def walked(seed: int, keep: list[Measurement] | None = None, steps: int = WALKED
     }
 
 
-def slipped(seed: int) -> dict[str, Any]:
+def slip_foot(seed: int) -> dict[str, Any]:
     """Move a foot 2 cm sideways while the base stands, with a duration by the seed."""
     robot, rng = robot_named("g1"), np.random.default_rng(seed)
     q, time = robot.posture("standing"), float(np.geomspace(0.025, 0.25, 10)[seed % 10])
@@ -189,7 +191,7 @@ def slipped(seed: int) -> dict[str, Any]:
 def rate(seed: int) -> dict[str, Any]:
     """Samples a second through an estimator, the best of three, since others use the machine."""
     sent: list[Measurement] = []
-    walked(seed, sent, 8)
+    walk_estimated(seed, sent, 8)
     robot, best = robot_named("g1"), {}
     for name, change in (("torques", {}), ("no torques", {"torques": None})):
         times = []
@@ -209,9 +211,9 @@ def measured(groups: list[str], seeds: int) -> Iterator[tuple[str, int, Any]]:
     """Yield groups, seeds and their measurements."""
     made = {
         "nis": (consistency, RUNS),
-        "plain": (beside_plain, 20),
-        "walk": (walked, seeds),
-        "slip": (slipped, 10),
+        "plain": (compare_with_plain, 20),
+        "walk": (walk_estimated, seeds),
+        "slip": (slip_foot, 10),
         "rate": (rate, 1),
     }
     for group in groups:

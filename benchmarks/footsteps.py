@@ -54,7 +54,7 @@ def problem_of(name: str, seed: int | None) -> Problem:
     return problem
 
 
-def landed(result: SimulationResult, count: int) -> list[np.ndarray]:
+def landing_poses(result: SimulationResult, count: int) -> list[np.ndarray]:
     """Return the true x, y, yaw (3,) of the landed feet, in order."""
     support = result.arrays["support"]
     edges = [0, *(np.flatnonzero(support[1:] != support[:-1]) + 1).tolist(), len(support)]
@@ -75,7 +75,7 @@ def measure(name: str, seed: int | None) -> str:
     start = problem.parts.robot.snapshot(problem.parts.start)
     world = in_world([one.footstep for one in gait.footsteps], sole_poses(start))
     result = problem.simulate()
-    places = landed(result, len(world))
+    places = landing_poses(result, len(world))
     way = [np.linalg.norm(p[:2] - s.place) for p, s in zip(places, world, strict=False)]
     turn = [abs(_turn(p, s)) for p, s in zip(places, world, strict=False)]
     return (

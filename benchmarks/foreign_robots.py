@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from foreign_reading import compare, reading_of
-from foreign_trial import tried
+from foreign_trial import run_trials
 from qpbench.page import put_section
 from sources import code_of
 
@@ -80,7 +80,7 @@ def _is_robot(suffix: str, content: bytes) -> bool:
     return root.tag == "mujoco" and any(True for _ in root.iter("body"))
 
 
-def examined(path: Path) -> dict[str, Any]:
+def examine(path: Path) -> dict[str, Any]:
     """Return the results of a file, as plain data."""
     began = time.perf_counter()
     found: dict[str, Any] = {}
@@ -101,10 +101,10 @@ def examined(path: Path) -> dict[str, Any]:
         found["differs"] = compare(robot, reading_of(path, robot), seed=1)._asdict()
     except (ValueError, KeyError, ArithmeticError, RuntimeError, ET.ParseError) as error:
         found["unread"] = f"{type(error).__name__}: {error}"[:200]
-    return found | tried(path, robot)
+    return found | run_trials(path, robot)
 
 
-def in_a_process(path: Path, limit: float) -> dict[str, Any]:
+def examine_in_process(path: Path, limit: float) -> dict[str, Any]:
     """Return the results of a file from its own process, which may take ``limit`` seconds."""
     command = [sys.executable, __file__, "--one", str(path)]
     try:
@@ -122,7 +122,7 @@ def one(path: Path) -> None:
     """Examine a file and print a line of JSON; an unexpected error is a fault, with its place."""
     logging.disable(logging.WARNING)
     try:
-        found = examined(path)
+        found = examine(path)
     except Exception as error:  # that there is none is what is to be shown
         place = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
@@ -239,7 +239,7 @@ def main() -> None:
             names = {path.relative_to(options.folder).as_posix(): path for path in _wanted(options)}
             with ThreadPoolExecutor(options.workers) as pool:
                 waiting = {
-                    pool.submit(in_a_process, path, options.limit): name
+                    pool.submit(examine_in_process, path, options.limit): name
                     for name, path in names.items()
                     if name not in known
                 }

@@ -44,7 +44,7 @@ def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
     )
 
 
-def standing(robot: Robot) -> dict[str, Any]:
+def stand_in_plant(robot: Robot) -> dict[str, Any]:
     """Return whether it stands and survives the push in our plant, and how."""
     if robot.fixed_base or not robot.feet:
         return {"stood": None, "why": "fixed base" if robot.fixed_base else "no feet"}
@@ -66,7 +66,7 @@ def standing(robot: Robot) -> dict[str, Any]:
     }
 
 
-def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
+def stand_in_own_model(robot: Robot, path: Path) -> dict[str, Any]:
     """Return the same in the file's own model by raw MuJoCo, with its contacts."""
     import mujoco
 
@@ -205,7 +205,7 @@ def turning_of(angles: np.ndarray) -> np.ndarray:
     return np.column_stack((last @ exp_rotation(angles[1] * y).T @ x, last @ y, z))
 
 
-def walking(robot: Robot) -> dict[str, Any]:
+def walk_two_metres(robot: Robot) -> dict[str, Any]:
     """Return whether a humanoid walks two metres with default settings."""
     soles = all(len(foot.polygon) > 1 for foot in robot.feet.values())
     if set(robot.feet) != {"left", "right"} or not soles or robot.fixed_base:
@@ -238,12 +238,12 @@ def walking(robot: Robot) -> dict[str, Any]:
     }
 
 
-def tried(path: Path, robot: Robot) -> dict[str, Any]:
+def run_trials(path: Path, robot: Robot) -> dict[str, Any]:
     """Return the results of all trials; refusals are named."""
     found: dict[str, Any] = {}
-    trials = [("plant", lambda: standing(robot)), ("walk", lambda: walking(robot))]
+    trials = [("plant", lambda: stand_in_plant(robot)), ("walk", lambda: walk_two_metres(robot))]
     if path.suffix == ".xml":
-        trials.insert(1, ("own", lambda: standing_in_its_own(robot, path)))
+        trials.insert(1, ("own", lambda: stand_in_own_model(robot, path)))
     for name, trial in trials:
         if name != "plant" and found["plant"].get("stood") is None:
             continue  # nothing that stands

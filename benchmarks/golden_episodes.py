@@ -16,7 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from golden_optimum import exact
+from golden_optimum import exact_answer
 
 import wbc
 from wbc.errors import UnknownNameError
@@ -134,7 +134,7 @@ def replayed(replay: Replay, states: Iterator[tuple[Array, Array]]) -> Iterator[
     for k, (q, v) in enumerate(states):
         try:
             tick = replay.step(k, q, v)
-            yield answer_of(tick, exact(replay.controller, q, v, tick))
+            yield answer_of(tick, exact_answer(replay.controller, q, v, tick))
         except Exception as error:  # its name is compared as a status is
             yield {"status": f"raised {type(error).__name__}", "policy": "", "step_scale": 1.0}
 

@@ -70,7 +70,9 @@ def _equality_constrained(qp: Any, held: Array, met: Array) -> Array:
     return found[: qp.g.size]
 
 
-def exact(controller: Controller, q: Array, v: Array, tick: wbc.Tick) -> dict[str, Array] | None:
+def exact_answer(
+    controller: Controller, q: Array, v: Array, tick: wbc.Tick
+) -> dict[str, Array] | None:
     """Return the velocity, and torque, at the optimum of a tick's QP; None: not found."""
     if not tick.ok:
         return None

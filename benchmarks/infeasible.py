@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from time import perf_counter
 
 import numpy as np
-from conflict_judge import blamed_in_vain, can_hold
+from conflict_judge import can_hold, conflict_error
 
 from wbc.constraints import Constraint, Contact, Limits, SelfCollision, support
 from wbc.constraints.rows import Bounds
@@ -101,7 +101,7 @@ def contradictory(
     )
 
 
-def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
+def check_answer(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
     """Return the errors of the answer to a contradiction."""
     faults = []
     n = tick.velocity.size
@@ -116,7 +116,7 @@ def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
     conflict = tick.conflict
     if conflict is None or not conflict.rows:
         return [*faults, "no row named"]
-    return faults + blamed_in_vain(tick.qp, conflict)
+    return faults + conflict_error(tick.qp, conflict)
 
 
 def main() -> None:
@@ -140,7 +140,7 @@ def main() -> None:
             continue  # no contradiction after all
         times.append(seconds)
         statuses[f"{family.__name__}: {tick.status.value}"] += 1
-        for fault in judged(tick, limits.emergency_braking_box(here, controller.dt)):
+        for fault in check_answer(tick, limits.emergency_braking_box(here, controller.dt)):
             faults[f"{family.__name__}: {fault}"] += 1
         if not tick.ok and tick.conflict is not None:
             sizes.append(len(tick.conflict.rows))

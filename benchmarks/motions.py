@@ -41,7 +41,7 @@ def disturbed(seed: int) -> dict[str, Any]:
 def simulated(problem: Problem) -> tuple[SimulationResult, np.ndarray]:
     """Return a simulation and the ground force (n, 3) [N] in every step of its physics."""
     plant = problem.plant()
-    forces = every_step(plant)
+    forces = record_every_step(plant)
     result = run_trial(
         problem.supervisor(plant),
         plant,
@@ -51,7 +51,7 @@ def simulated(problem: Problem) -> tuple[SimulationResult, np.ndarray]:
     return result, np.array(forces)
 
 
-def every_step(plant: Plant) -> list[np.ndarray]:
+def record_every_step(plant: Plant) -> list[np.ndarray]:
     """Make a plant advance by single physics steps; return the list of their forces."""
     forces, step = list[np.ndarray](), plant.step
 
@@ -69,7 +69,7 @@ def largest_mean(force: np.ndarray, steps: int) -> float:
     return float(np.convolve(force, np.full(steps, 1.0 / steps), "valid").max())
 
 
-def slipped(problem: Problem, result: SimulationResult) -> float:
+def largest_slip(problem: Problem, result: SimulationResult) -> float:
     """Return the largest true slip of a foot from its place at the start of holding [m]."""
     robot, support = problem.parts.robot, result.run.history.support
     true = [robot.snapshot(q) for q in result.arrays["q"][: len(support)]]
@@ -94,7 +94,7 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     true = [robot.snapshot(q) for q in arrays["q"][: len(measured)]]
     feet = []
     for name in robot.feet:
-        if f"{name} foot" in errors and led_all_the_way(problem, f"{name} foot"):
+        if f"{name} foot" in errors and has_full_weight(problem, f"{name} foot"):
             off = [s.position(robot.feet[name].frame) for s in true]
             off = np.array(off) - [s.position(robot.feet[name].frame) for s in measured]
             feet.append(errors[f"{name} foot"][:, :3] + off)
@@ -106,7 +106,7 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     window = 0.01 / problem.spec.simulation.physics_dt
     slip = result.run.slip
     return {
-        "slip": MM * slipped(problem, result),
+        "slip": MM * largest_slip(problem, result),
         "measured": MM * (slip.value if slip is not None else np.nan),
         "com": MM * largest(com),
         "feet": MM * max((largest(one) for one in feet), default=np.nan),
@@ -119,7 +119,7 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     }
 
 
-def led_all_the_way(problem: Problem, task: str) -> bool:
+def has_full_weight(problem: Problem, task: str) -> bool:
     """Return whether all rows of a foot's position have weight in each phase in which any has."""
     weights = [phase.changes[task].weight for phase in problem.parts.phases]
     return all(weight is None or bool((weight[:3] > 0.0).all()) for weight in weights)

@@ -54,7 +54,7 @@ def numeric_gradient(robot: Robot, q: np.ndarray, target: np.ndarray) -> np.ndar
     return np.array([(cost(q[7:] + s) - cost(q[7:] - s)) / (2 * h) for s in steps])
 
 
-def projected(robot: Robot, q: np.ndarray, gradient: np.ndarray) -> float:
+def projected_norm(robot: Robot, q: np.ndarray, gradient: np.ndarray) -> float:
     """Norm of the gradient without components that push against an active limit."""
     joints, limits = q[7:], robot.limits
     blocked = (joints > limits.upper - ACTIVE) & (gradient < 0)
@@ -78,7 +78,7 @@ def scipy_error(robot: Robot, start: np.ndarray, target: np.ndarray) -> float:
     return float(np.sqrt(2.0 * found.fun * scale))
 
 
-def ran(name: str) -> tuple[Problem, Robot, np.ndarray]:
+def run_problem(name: str) -> tuple[Problem, Robot, np.ndarray]:
     """Return a problem, its robot and where its run ended."""
     problem = load_problem(PROBLEMS / f"{name}.yaml")
     assert isinstance(problem, Problem)
@@ -95,16 +95,18 @@ def ran(name: str) -> tuple[Problem, Robot, np.ndarray]:
 def main() -> None:
     print(f"{'Fig. 6':22}{'ticks':>7}{'error':>8}{'L-BFGS-B':>10}{'gradient':>10}")
     for name, diagonal in FIG6.items():
-        problem, robot, q = ran(name)
+        problem, robot, q = run_problem(name)
         start, target = problem.parts.start, np.array(diagonal)
         first = float(np.linalg.norm(base_diagonal(robot, start) - target))
         last = float(np.linalg.norm(base_diagonal(robot, q) - target))
         other = scipy_error(robot, start, target)
-        sizes = [projected(robot, at, numeric_gradient(robot, at, target)) for at in (q, start)]
+        sizes = [
+            projected_norm(robot, at, numeric_gradient(robot, at, target)) for at in (q, start)
+        ]
         print(f"{last / first:8.4f}{other / first:10.4f}{sizes[0] / sizes[1]:10.0e}", flush=True)
     print(f"{'Fig. 7':22}{'feet [mm]':>9}{'CoM [mm]':>10}")
     for name in FIG7:
-        problem, robot, q = ran(name)
+        problem, robot, q = run_problem(name)
         (offset,) = [spec.target.offset for spec in problem.spec.tasks.values()]
         wanted = robot.snapshot(problem.parts.start).com + np.array(offset)
         reached = pin.centerOfMass(robot.model, robot.model.createData(), q)

@@ -102,24 +102,24 @@ def unbalanced_share(found: wbc.Retargeted) -> float:
 
 
 @cache
-def known_robot(name: str) -> Robot:
+def cached_robot(name: str) -> Robot:
     """Return a robot, cached with the data that is the same for all motions."""
     return Robot.load(name)
 
 
-def retargeted(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
+def timed_retarget(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
     """Return a human's motion on a robot, and the CPU time of the second run [s].
 
     In the first one meshes of bodies that come near each other are read.
     """
-    robot = known_robot(name)
+    robot = cached_robot(name)
     wbc.retarget(human, robot)
     begun = time.process_time()
     found = wbc.retarget(human, robot)
     return found, time.process_time() - begun
 
 
-def walked(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
+def simulate_walk(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
     """Return the results of a robot that walks as the human does, in MuJoCo."""
     robot = robot_named(name)
     found = wbc.retarget(human, robot)
@@ -275,11 +275,11 @@ def main() -> None:
         static = read_markers(options.static) if first and options.static else None
         human = human_motion(recording, static=static, by_steps=False)
         if options.plot is not None:
-            picture(human, retargeted(human, options.robots[0])[0], options.plot)
+            picture(human, timed_retarget(human, options.robots[0])[0], options.plot)
             break
         table = known.setdefault(path.stem, {})
         for name in options.robots if not options.only_physics else []:
-            found, seconds = retargeted(human, name)
+            found, seconds = timed_retarget(human, name)
             table[name] = rounded({**figures(found, seconds), "com_bound": com_bound(found)})
             print(path.stem, name, json.dumps(table[name]), flush=True)
             if options.peer and name == options.robots[0]:
@@ -290,7 +290,7 @@ def main() -> None:
         if first and options.physics:
             rows = []
             for seed in range(options.physics):
-                rows.append(rounded(walked(human, "g1", seed)))
+                rows.append(rounded(simulate_walk(human, "g1", seed)))
                 print(rows[-1], flush=True)
             table["g1 in physics"] = rows
         if options.output is not None:

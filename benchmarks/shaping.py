@@ -62,8 +62,8 @@ THEIRS = ("scipy_cost", "scipy_wall", "scipy_cpu")
 
 def scipy_figures(target: Target, options: argparse.Namespace, pool) -> dict[str, float]:
     """Return the best of SciPy's searches and their times, measured now or earlier."""
-    for row in earlier(options):
-        if described(target).items() <= row.items():
+    for row in earlier_rows(options):
+        if target_entry(target).items() <= row.items():
             # Files without it are of an idle machine, whose cores SciPy kept busy.
             row.setdefault("scipy_cpu", options.workers * row["scipy_wall"])
             return {key: row[key] for key in THEIRS}
@@ -75,7 +75,7 @@ def scipy_figures(target: Target, options: argparse.Namespace, pool) -> dict[str
     return dict(zip(THEIRS, (min(costs), taken, sum(cpu)), strict=True))
 
 
-def earlier(options: argparse.Namespace) -> Iterator[dict]:
+def earlier_rows(options: argparse.Namespace) -> Iterator[dict]:
     """Yield the rows of files with as many searches by SciPy in as many processes."""
     for file in options.scipy_from:
         written = json.loads(file.read_text())
@@ -85,7 +85,7 @@ def earlier(options: argparse.Namespace) -> Iterator[dict]:
         yield from written["rows"]
 
 
-def described(target: Target) -> dict:
+def target_entry(target: Target) -> dict:
     """Return a target as written to a file."""
     return json.loads(json.dumps(asdict(target)))
 
@@ -184,7 +184,7 @@ def tally(what: str, rows: list[dict]) -> str:
     )
 
 
-def resumed(options: argparse.Namespace) -> list[dict]:
+def resumed_rows(options: argparse.Namespace) -> list[dict]:
     """Return the results written by an earlier run with the same settings."""
     if options.output is None or not options.output.exists():
         return []
@@ -211,16 +211,16 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="JSON, written after every target; resumed")
     parser.add_argument("--scipy-from", type=Path, nargs="+", default=[], help="earlier outputs")
     options = parser.parse_args()
-    rows = resumed(options)
+    rows = resumed_rows(options)
     known = [{field.name: row[field.name] for field in fields(Target)} for row in rows]
     context = multiprocessing.get_context("spawn")
     print(HEAD, flush=True)
     with context.Pool(options.workers) as pool:
         for name in options.robots:
             for target in targets(name, options.targets, options.seed):
-                if described(target) in known:
+                if target_entry(target) in known:
                     continue
-                rows.append({**described(target), **measure(target, options, pool)})
+                rows.append({**target_entry(target), **measure(target, options, pool)})
                 print(line(rows[-1]), flush=True)
                 if options.output:
                     written = json.dumps({"settings": settings(options), "rows": rows}, indent=2)

@@ -252,7 +252,7 @@ def resident() -> float:
 # ---------------------------------------------------------------------- what is checked
 
 
-def judge(tick: Tick, box: tuple[np.ndarray, np.ndarray] | None) -> list[tuple[str, str]]:
+def tick_violations(tick: Tick, box: tuple[np.ndarray, np.ndarray] | None) -> list[tuple[str, str]]:
     """Return the violations of a tick: kind and text."""
     wrong, v = [], tick.velocity
     if not np.isfinite(v).all():
@@ -508,7 +508,7 @@ class Episode:
         box = None if limits is None else limits.emergency_braking_box(here, self.dt)
         if limits is not None and limits.braking == "free":
             box = limits.box(here, self.dt)
-        for kind, text in judge(tick, box):
+        for kind, text in tick_violations(tick, box):
             self._fail(kind, text)
         v = tick.velocity
         if not np.isfinite(v).all() or np.abs(v).max() > 1e3:  # no limits, huge weights
@@ -562,17 +562,17 @@ class Episode:
             self._fail("untyped", f"{name}, {value!r}: {traceback.format_exc()}")
         else:
             self.record.faults[f"{name}, accepted"] += 1
-            if not may_be_accepted(value):
+            if not is_valid(value):
                 self._fail("accepted", f"{name}: {value!r}")
 
     def _bad_state(self) -> None:
         rng = self.rng
         q, v = self.q.copy(), self.v.copy()
         if rng.random() < 0.5:
-            bad = spoilt(q, rng, entries=(0, 1, 2, *range(7, q.size)))
+            bad = corrupted(q, rng, entries=(0, 1, 2, *range(7, q.size)))
             self._expect_refusal("configuration", lambda: self._step(bad, v), bad)
         else:
-            bad = spoilt(v, rng)
+            bad = corrupted(v, rng)
             self._expect_refusal("velocity", lambda: self._step(q, bad), bad)
 
     def _step(self, q: Any, v: Any) -> None:
@@ -580,7 +580,7 @@ class Episode:
         here = self.robot.snapshot(q, v)
         tick = self.controller.step(here)
         box = None if self.limits is None else self.limits.emergency_braking_box(here, self.dt)
-        for kind, text in judge(tick, box):
+        for kind, text in tick_violations(tick, box):
             self._fail(kind, f"after a fault: {text}")
 
     def _bad_target(self) -> None:
@@ -589,11 +589,11 @@ class Episode:
         place = int(self.rng.integers(len(target) + 1))
         if place == len(target):
             before = task.weight
-            bad = spoilt(before, self.rng)
+            bad = corrupted(before, self.rng)
             self._expect_refusal("weight", lambda: self._with_weight(task, bad), bad)
             task.weight = before
             return
-        bad = spoilt(np.asarray(target[place], dtype=float), self.rng)
+        bad = corrupted(np.asarray(target[place], dtype=float), self.rng)
         given = [*target[:place], bad, *target[place + 1 :]]
         self._expect_refusal("target", lambda: self._with_target(task, given), bad)
         task.set_target(*target)
@@ -628,7 +628,7 @@ class Episode:
         self.record.faults["state outside limits, gone on from"] += 1
 
 
-def spoilt(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -> Any:
+def corrupted(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -> Any:
     """Return a corrupted version of ``good``."""
     values = (np.nan, np.inf, -np.inf, 1e12, 1e60, -1e60, 1e140, 1e160, 1e300)
     kind = int(rng.integers(8))
@@ -656,7 +656,7 @@ def spoilt(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -
     return every[int(rng.integers(len(every)))]()
 
 
-def may_be_accepted(value: Any) -> bool:
+def is_valid(value: Any) -> bool:
     """Whether ``value`` is valid after all: real, finite numbers."""
     if not isinstance(value, np.ndarray):
         return False

@@ -44,13 +44,13 @@ def problem_of(kind: str, name: str, seed: int) -> Problem:
     }
     if name != "g1":
         changes |= {"robot.model": name, "simulation.falls": {}, "constraints": {}}
-        changes |= scaled(path, name)
+        changes |= scale_problem(path, name)
     problem = load_problem(path, changes)
     assert isinstance(problem, Problem)
     return problem
 
 
-def scaled(path: Path, name: str) -> dict[str, Any]:
+def scale_problem(path: Path, name: str) -> dict[str, Any]:
     """Return footsteps and terrain for another robot, from its standing feet on."""
     long, wide, high, slow = SIZES[name]
     starts = [

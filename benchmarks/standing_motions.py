@@ -34,7 +34,7 @@ from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
 
 
-def tracked(path: Path, seed: int) -> dict[str, Any]:
+def track(path: Path, seed: int) -> dict[str, Any]:
     """Return a robot's results with one seed."""
     problem = load_problem(
         path,
@@ -80,7 +80,7 @@ def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int
             worst[one.what] = max(worst.get(one.what, 0.0), one.by)
         rows = []
         for seed in range(seeds):
-            rows.append(rounded(tracked(problem, seed)))
+            rows.append(rounded(track(problem, seed)))
             print(path.stem, name, rows[-1], flush=True)
     return {
         "slower": slower,

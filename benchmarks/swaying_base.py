@@ -20,7 +20,7 @@ DT = 0.005  # s
 MIDDLE = np.array((0.0, 0.0, 0.8))
 
 
-class Seen(NamedTuple):
+class FootPose(NamedTuple):
     """A measurement of a foot, (12,) in the IMU's axes, with its covariance."""
 
     place: Array
@@ -36,7 +36,7 @@ class Moment(NamedTuple):
     biases: Array
     rate: Array
     force: Array
-    feet: tuple[Seen, Seen]
+    feet: tuple[FootPose, FootPose]
 
 
 class Start(NamedTuple):
@@ -46,7 +46,7 @@ class Start(NamedTuple):
     v: Array
     p: Array
     covariance: Array
-    feet: tuple[Seen, Seen]
+    feet: tuple[FootPose, FootPose]
 
 
 def swaying(
@@ -92,10 +92,10 @@ def _moments(
 
 def _seen(
     rng: np.random.Generator, R: Array, p: Array, feet: list[tuple[Array, Array]]
-) -> tuple[Seen, Seen]:
+) -> tuple[FootPose, FootPose]:
     found = []
     for d, own in feet:
         off = rng.normal(size=6) * np.sqrt(np.diag(PLACE))
         turned = exp_rotation(off[3:]) @ R.T @ own
-        found.append(Seen(np.concatenate((R.T @ (d - p) + off[:3], turned.ravel())), PLACE))
+        found.append(FootPose(np.concatenate((R.T @ (d - p) + off[:3], turned.ravel())), PLACE))
     return found[0], found[1]

@@ -24,7 +24,7 @@ ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
 DT, TICKS = 0.005, 60
 
 
-def speeding_up(v: np.ndarray, before: np.ndarray) -> np.ndarray:
+def speed_gain(v: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Return the gain in joint speed; a joint that reverses counts with its full speed."""
     same_way = v * before > 0.0
     return np.abs(v) - np.where(same_way, np.abs(before), 0.0)
@@ -61,7 +61,7 @@ def run(robot: Robot, rng: np.random.Generator) -> tuple[float, float, int]:
         if not tick.ok:
             failed += 1
             print(f"tick {k} of {robot.name}: {tick.report()}")
-        excess = float((speeding_up(tick.velocity[6:], v[6:]) - bound).max())
+        excess = float((speed_gain(tick.velocity[6:], v[6:]) - bound).max())
         worst = max(worst, excess / DT)
         if k in (start, end):
             at_switch = max(at_switch, excess / DT)

@@ -38,7 +38,7 @@ def balls_of(robot: Robot, rng: np.random.Generator) -> list[Obstacle]:
     here, model = robot.snapshot(q), SelfCollision(robot).model
     found: list[Obstacle] = []
     while len(found) < BALLS:
-        there = middles_of(model, robot.snapshot(anywhere(robot, q, rng, True)))
+        there = middles_of(model, robot.snapshot(random_posture(robot, q, rng, True)))
         moved = np.flatnonzero(np.abs(there - middles_of(model, here)).max(axis=1) > ROOM)
         ball = Obstacle.sphere(f"ball {len(found)}", there[rng.choice(moved)], RADIUS)
         if Obstacles(robot, [ball], margin=ROOM).distances(here).clearance.min() > 0.0:
@@ -52,7 +52,7 @@ def middles_of(model: CollisionModel, here: Snapshot) -> Array:
     return np.array([R[one.joint] @ one.bounding_ball[0] + p[one.joint] for one in model.bodies])
 
 
-def anywhere(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> Array:
+def random_posture(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> Array:
     """Return a random posture; for a standing robot only arms and waist are random."""
     target = q.copy()
     lower, upper = (np.clip(end, -REACH, REACH) for end in (robot.limits.lower, robot.limits.upper))
@@ -92,7 +92,7 @@ def thrown(name: str, among: str, pairs: int, ticks: int, seed: int) -> str:
     worst = fastest = away = 0.0
     for k in range(ticks):
         if k % TURN == 0:
-            posture.set_target(anywhere(robot, standing, rng, stands))
+            posture.set_target(random_posture(robot, standing, rng, stands))
         tick = controller.step(robot.snapshot(q, v))
         relaxed += tick.policy is not None
         larger += sum(" vs " in label for label in tick.qp.labels.inequality) > pairs

@@ -204,7 +204,7 @@ def main() -> int:
     print(text)
     if options.output:
         put_section(options.output, "ticks", text)
-    return added(options.history, figures) if options.history else 0
+    return add_to_history(options.history, figures) if options.history else 0
 
 
 def section(figures: dict[str, Any], nv: int, ticks: int) -> str:
@@ -226,7 +226,7 @@ def section(figures: dict[str, Any], nv: int, ticks: int) -> str:
     )
 
 
-def added(path: Path, figures: dict[str, Any]) -> int:
+def add_to_history(path: Path, figures: dict[str, Any]) -> int:
     """Compare figures with the last of a history and add them; return 3 if a tick is slower."""
     changes = {}
     try:

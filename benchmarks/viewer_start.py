@@ -30,7 +30,7 @@ LISTENS = 5.0  # s after the address
 TIMES = 3
 
 
-def started(problem: Path, cache: str) -> tuple[float, float]:
+def start_times(problem: Path, cache: str) -> tuple[float, float]:
     """Return the seconds until the address is printed, and until all meshes have arrived."""
     begun = time.perf_counter()
     command = [sys.executable, "-m", "wbc", "view", str(problem)]
@@ -67,7 +67,7 @@ def main() -> None:
     rows = []
     for problem in options.problems:
         with tempfile.TemporaryDirectory() as cache:
-            found = [started(problem, cache) for _ in range(TIMES)]
+            found = [start_times(problem, cache) for _ in range(TIMES)]
         for when, (address, meshes) in zip(("first", "again", "again"), found, strict=True):
             rows.append((problem.stem, when, f"{address:.1f}", f"{meshes:.1f}"))
     columns = "problem", "time", "address", "all meshes"

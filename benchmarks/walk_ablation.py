@@ -43,18 +43,18 @@ VARIANTS = ("free", "regulated", "soft foot", "planned")
 BASE = "regulated"  # reference of the means
 
 
-def made(variant: str, robot: wbc.Robot) -> Walker:
+def make_walker(variant: str, robot: wbc.Robot) -> Walker:
     """Return the walker of a variant."""
     if variant == "soft foot":
         return Walker(robot, weights=WalkingWeights(lift=SOFT), dt=DT)
     return walker_of(robot, variant)
 
 
-def maker(variant: str) -> Any:
+def walker_factory(variant: str) -> Any:
     """Return what makes the walker of a variant for walk_pushes.py."""
 
     def make(robot: wbc.Robot, dt: float, delay: float) -> Walker:
-        return made(variant, robot)
+        return make_walker(variant, robot)
 
     return make
 
@@ -127,7 +127,7 @@ def main() -> None:
                 if r["variant"] == variant
             }
             guessed = {r["trial"]: r["impulse"] for r in rows.values()}  # of other variants
-            for found in measured(given, maker(variant), own, guessed):
+            for found in measured(given, walker_factory(variant), own, guessed):
                 row = found | {"variant": variant, "trial": found["key"]}
                 row["key"] = f"{variant}/{found['key']}"
                 rows[row["key"]] = row

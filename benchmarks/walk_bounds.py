@@ -223,7 +223,7 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
     return -float(found.fun) if found.status == 0 else -math.inf
 
 
-def usual(walk: Walk, start: Start) -> list[list[float]]:
+def initial_times(walk: Walk, start: Start) -> list[list[float]]:
     """Return the initial single-support times of a search [s]."""
     found = []
     for time in (share * walk.single for share in BEGIN):
@@ -238,16 +238,16 @@ def largest(
 
     They are searched one by one on a grid, from each of those in ``begins`` on.
     """
-    return max(improved(walk, start, times) for times in begins)
+    return max(improve(walk, start, times) for times in begins)
 
 
-def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, list[float]]:
+def improve(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, list[float]]:
     """Return :func:`largest` from one initial guess."""
     best, before, kept = captured(walk, start, times), -math.inf, list(times)
     while best > before + LEAST:
         before = best
         for k in range(STEPS):
-            for time in choices(
+            for time in candidate_times(
                 walk, start.elapsed if k == 0 else 0.0, MAX_TIME_RATIO * walk.single
             ):
                 tried = [*kept[:k], time, *kept[k + 1 :]]
@@ -257,7 +257,7 @@ def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, l
     return best, kept
 
 
-def choices(walk: Walk, elapsed: float, most: float) -> Iterator[float]:
+def candidate_times(walk: Walk, elapsed: float, most: float) -> Iterator[float]:
     """Yield candidates of the remaining single-support time [s]."""
     time = max(MIN_TIME_RATIO * walk.single - elapsed, SOONEST)
     while time <= most - elapsed:
@@ -287,7 +287,7 @@ def main() -> None:
             walk = walks(given.robot, side, rate, turn)
             for phase in range(PHASES):
                 start = Start.of(walk, phase / PHASES)
-                begins = times.get((side, phase), usual(walk, start))
+                begins = times.get((side, phase), initial_times(walk, start))
                 impulse, best = largest(walk, start, begins)
                 times.setdefault((side, phase), [best])
                 row = {"bound": kind, "side": side, "phase": phase, "impulse": round(impulse, 1)}

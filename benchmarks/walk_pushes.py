@@ -106,10 +106,10 @@ class PushedWalk:
             self.push(angle, impulse)
             return self.until(lambda: False)
 
-        return bool(in_a_copy(stands))
+        return bool(run_in_copy(stands))
 
 
-def in_a_copy(call: Callable[[], Any]) -> Any:
+def run_in_copy(call: Callable[[], Any]) -> Any:
     """Return the result, as plain data, of a function called in a copy of this process."""
     reader, writer = os.pipe()
     child = os.fork()

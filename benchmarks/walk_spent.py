@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from disturbed import DELAY, DT
-from walk_pushes import AFTER, BEFORE, PHASES, SIDES, SPEED, PushedWalk, in_a_copy
+from walk_pushes import AFTER, BEFORE, PHASES, SIDES, SPEED, PushedWalk, run_in_copy
 
 from wbc.gait import Walker
 from wbc.gait.dcm import in_plane
@@ -43,7 +43,7 @@ OFTEN = 0.1  # share of a step's ticks from which on a motor is reported
 STEPS = 2
 
 
-def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
+def simulate_push(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
     """Push, continue, and return kappa tick by tick [m/s] and the limiting factors of each step."""
     begin, first, walker = walk.plant.time, walk.walker.steps, walk.walker
     way = walk.push(angle, impulse)
@@ -82,9 +82,10 @@ def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
     return {"stood": stood, "kappa": kappa, "motors": motors, "landed": landed}
 
 
-def spent(walk: PushedWalk, side: str, impulse: float) -> dict[str, Any]:
+def push_report(walk: PushedWalk, side: str, impulse: float) -> dict[str, Any]:
     """Return the report of a push that begins now, as plain data."""
-    free, pushed = (in_a_copy(partial(followed, walk, SIDES[side], J)) for J in (0.0, impulse))
+    runs = (partial(simulate_push, walk, SIDES[side], J) for J in (0.0, impulse))
+    free, pushed = map(run_in_copy, runs)
     count = min(len(free["kappa"]), len(pushed["kappa"]))
     more = np.array(pushed["kappa"][:count]) - free["kappa"][:count]
     start, gait = walk.robot.snapshot(walk.robot.posture("standing")), walk.walker.gait
@@ -123,7 +124,7 @@ def main() -> None:
         at = begin + phase / PHASES * step
         walk.until(lambda at=at: walk.plant.time >= at - 1e-9)
         for side in given.sides:
-            rows.append({"phase": phase, **spent(walk, side, impulses[side])})
+            rows.append({"phase": phase, **push_report(walk, side, impulses[side])})
             print(json.dumps(rows[-1]), flush=True)
     made_of = {"robot": given.robot, "seed": given.seed, "window": WINDOW}
     given.file.write_text(json.dumps({**made_of, "rows": rows}, indent=1) + "\n")

@@ -30,7 +30,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from conflict_judge import blamed_in_vain, worst_miss
+from conflict_judge import conflict_error, worst_miss
 from qpbench.page import put_section
 from qpbench.summary import machine
 from qpbench.tables import Table
@@ -50,11 +50,13 @@ CLAIMS = (
 )  # fmt: skip
 
 
-def wild(robot: wbc.Robot, level: str, backend: str, rng: np.random.Generator) -> Iterator[tuple]:
+def episode(
+    robot: wbc.Robot, level: str, backend: str, rng: np.random.Generator
+) -> Iterator[tuple]:
     """Yield ticks of one controller, with their inputs."""
     start = robot.snapshot(robot.posture("standing"))
     spread = 10.0 ** rng.uniform(-3.0, -0.5)
-    here = thrown(robot, start, spread, rng)
+    here = perturbed_state(robot, start, spread, rng)
     feet = list(wbc.support(start if rng.random() < 0.5 else here, "double"))
     if rng.random() < 0.2:  # a second anchor for a foot
         frame = next(iter(robot.feet.values())).link
@@ -75,18 +77,18 @@ def wild(robot: wbc.Robot, level: str, backend: str, rng: np.random.Generator) -
         solver=backend, **options,
     )  # fmt: skip
     for _ in range(EPISODE):
-        snapshot = thrown(robot, here, 0.1 * spread, rng)
+        snapshot = perturbed_state(robot, here, 0.1 * spread, rng)
         yield controller, snapshot, controller.step(snapshot)
 
 
-def thrown(robot: wbc.Robot, here: wbc.Snapshot, size: float, rng: np.random.Generator):
+def perturbed_state(robot: wbc.Robot, here: wbc.Snapshot, size: float, rng: np.random.Generator):
     """Return a state far from another one, at any speed."""
     away = np.concatenate((0.1 * size * rng.normal(size=6), size * rng.normal(size=robot.nv - 6)))
     q = robot.integrate(here.q, away, 1.0)
     return robot.snapshot(q, 10.0 ** rng.uniform(-2.0, 0.3) * rng.normal(size=robot.nv))
 
 
-def missed_by(qp: QP, x: np.ndarray) -> float:
+def largest_violation(qp: QP, x: np.ndarray) -> float:
     """Return the largest violation of a row, relative to the row's bound where above 1."""
     rows = np.concatenate((qp.A, qp.C, np.eye(qp.g.size))) @ x
     lower = np.concatenate((qp.b, qp.l, qp.lower))
@@ -96,7 +98,7 @@ def missed_by(qp: QP, x: np.ndarray) -> float:
     return float(max(below.max(), above.max(), 0.0))
 
 
-def costs_more(qp: QP, x: np.ndarray, backend: str) -> float | None:
+def excess_cost(qp: QP, x: np.ndarray, backend: str) -> float | None:
     """Return the excess cost over another solver's optimum; None if that solver has none."""
     judge = make_backend("active_set" if backend == "clarabel" else "clarabel").solve(qp)
     if not judge.solved:
@@ -105,13 +107,13 @@ def costs_more(qp: QP, x: np.ndarray, backend: str) -> float | None:
     return float((cost - best) / max(1.0, abs(best)))
 
 
-def judged(controller: wbc.Controller, snapshot: wbc.Snapshot, tick: wbc.Tick, backend: str):
+def check_claim(controller: wbc.Controller, snapshot: wbc.Snapshot, tick: wbc.Tick, backend: str):
     """Return the claim of a tick, and its error if it is wrong."""
     if tick.ok and tick.policy is None:
         qp = tick.qp
-        if (far := missed_by(qp, tick.solution.x)) > LEAVES:
+        if (far := largest_violation(qp, tick.solution.x)) > LEAVES:
             return "solved", f"misses a row by {far:.1e}"
-        more = costs_more(qp, tick.solution.x, backend)
+        more = excess_cost(qp, tick.solution.x, backend)
         if more is None:
             return "solved", ""  # unknown to the other solver; no row is violated
         return "solved", f"costs {more:.1e} more" if more > COSTS else ""
@@ -121,7 +123,7 @@ def judged(controller: wbc.Controller, snapshot: wbc.Snapshot, tick: wbc.Tick, b
     refuted = getattr(tick, "refuted", None)
     if tick.conflict is not None:
         claim = "conflict named" if refuted is None else "relaxed: certificate"
-        return claim, "; ".join(blamed_in_vain(hard, tick.conflict)[:1])
+        return claim, "; ".join(conflict_error(hard, tick.conflict)[:1])
     if tick.status is Status.INFEASIBLE or (refuted and refuted.status is Status.INFEASIBLE):
         return "infeasible", "" if worst_miss(hard) > MISSED else "it can be met"
     claim = "relaxed: none" if tick.policy == "relax" else "failed"
@@ -135,8 +137,8 @@ def measured(level: str, backend: str, robots: list[wbc.Robot], ticks: int, seed
         number = sum(claims.values())
         robot = robots[number // EPISODE % len(robots)]
         rng = np.random.default_rng([seed, number, len(level), BACKENDS.index(backend)])
-        for k, (controller, snapshot, tick) in enumerate(wild(robot, level, backend, rng)):
-            claim, fault = judged(controller, snapshot, tick, backend)
+        for k, (controller, snapshot, tick) in enumerate(episode(robot, level, backend, rng)):
+            claim, fault = check_claim(controller, snapshot, tick, backend)
             claims[claim] += 1
             if fault:
                 wrong[claim] += 1

@@ -15,8 +15,8 @@ def test_every_row_that_a_tick_names_is_to_blame(hoap2, family) -> None:
     controller, here, limits = infeasible.contradictory(robot, family, rng)
     tick, box = controller.step(here), limits.emergency_braking_box(here, controller.dt)
     assert not tick.ok
-    assert infeasible.judged(tick, box) == []
+    assert infeasible.check_answer(tick, box) == []
     fewer = Conflict(tick.conflict.rows[1:])
     other = SimpleNamespace(velocity=tick.velocity, qp=tick.qp, ok=False, conflict=fewer)
-    found = infeasible.judged(other, box)
+    found = infeasible.check_answer(other, box)
     assert found == ["no row named"] or "they can all hold" in found[0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conflict_judge import blamed_in_vain
+from conflict_judge import conflict_error
 
 import wbc
 from tests.needs import needs_bench
@@ -31,7 +31,7 @@ def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
         )  # fmt: skip
         tick = one.step(here)
         if tick.status is Status.INFEASIBLE:
-            assert blamed_in_vain(tick.qp, tick.solution.conflict) == [], tick.report()
+            assert conflict_error(tick.qp, tick.solution.conflict) == [], tick.report()
             found += 1
     return found
 
@@ -77,5 +77,5 @@ def test_every_relaxed_tick_names_rows_that_contradict_and_are_all_needed(hoap2)
         assert tick.refuted.status is Status.INFEASIBLE
         assert tick.conflict.describe() in tick.report()
         hard = one.core.tick(here, solve=False).qp_of(0)
-        assert blamed_in_vain(hard, tick.conflict) == [], tick.report()
+        assert conflict_error(hard, tick.conflict) == [], tick.report()
     assert proved >= LEAST

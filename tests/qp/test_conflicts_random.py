@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from conflict_judge import blamed_in_vain
+from conflict_judge import conflict_error
 
 from tests.needs import needs_bench
 from tests.qp.random_qps import (
@@ -49,7 +49,7 @@ def test_every_conflict_named_is_one_and_needs_each_of_its_rows(
             seen[found.status] += 1
             assert (found.conflict is not None) == (found.status is Status.INFEASIBLE)
             if found.conflict is not None:
-                assert blamed_in_vain(qp, found.conflict) == [], found.conflict.describe()
+                assert conflict_error(qp, found.conflict) == [], found.conflict.describe()
     if gap >= 1e-2:
         assert seen[Status.INFEASIBLE] >= 2 * count - 2 and not seen[Status.SOLVED]
 
@@ -60,7 +60,7 @@ def test_of_a_certificate_of_many_rows_those_are_named_that_need_each_other(seed
     qp, multipliers = overdetermined(np.random.default_rng(seed))
     found = conflict_of(qp, *multipliers)
     assert found is not None and len(found.rows) <= qp.g.size + 1
-    assert blamed_in_vain(qp, found) == [], found.describe()
+    assert conflict_error(qp, found) == [], found.describe()
 
 
 @needs_bench

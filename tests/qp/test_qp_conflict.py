@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conflict_judge import blamed_in_vain, can_hold
+from conflict_judge import can_hold, conflict_error
 
 from tests.qp.conftest import recorded
 from wbc.qp import QP, Labels, ProxQP, Status, core, find_conflict, installed_solvers, make_backend
@@ -240,7 +240,7 @@ def test_random_against_linear_programming(seed):
     if conflict is not None:
         sum_of_rows, separation = certificate(qp, conflict)
         assert sum_of_rows < 1e-10 * max(abs(row.multiplier) for row in conflict.rows)
-        assert blamed_in_vain(qp, conflict) == []
+        assert conflict_error(qp, conflict) == []
         assert separation > 0.0
 
 
@@ -333,7 +333,7 @@ def test_conflicts_of_wild_ticks_that_hardly_are_some_are_proved_without_a_needl
     qp = recorded(f"conflicts {number}")
     found = ActiveSet().solve(qp)
     assert found.conflict is not None, found.describe()
-    assert blamed_in_vain(qp, found.conflict) == []
+    assert conflict_error(qp, found.conflict) == []
 
 
 def test_rows_that_only_repair_what_is_lost_beyond_reach_are_not_blamed() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conflict_judge import blamed_in_vain
+from conflict_judge import conflict_error
 
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.slack import SlackQP
@@ -116,7 +116,7 @@ def test_only_rows_that_may_not_give_way_are_in_conflict(seed: int) -> None:
     assert found.status is Status.INFEASIBLE and found.conflict is not None
     soft = {qp.labels.inequality[k] for k in np.flatnonzero(np.isfinite(weights))}
     assert not soft & {one.label for one in found.conflict.rows}
-    assert blamed_in_vain(qp, found.conflict) == []
+    assert conflict_error(qp, found.conflict) == []
 
 
 @pytest.mark.parametrize("seed", range(20))
