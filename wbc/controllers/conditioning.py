@@ -1,4 +1,4 @@
-"""How well the tasks of a tick determine the motion: rank and condition of its cost."""
+"""Rank and condition of a tick's cost: how well its tasks determine the motion."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from scipy.linalg import eigh, null_space
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
-# A direction whose curvature is not this many times the damping is left to the damping.
+# Only directions whose curvature exceeds the damping this many times count as determined.
 DETERMINED = 10.0
 
 
 class Conditioning(NamedTuple):
-    """What the tasks decide of the motions that contacts leave.
+    """How well the tasks determine the motion in the null space of the contacts.
 
-    What becomes of a single task is told by :attr:`wbc.controllers.tick.Tick.singular`.
+    For single tasks see :attr:`wbc.controllers.tick.Tick.singular`.
 
     Attributes
     ----------
     free:
-        Directions of motion that the contacts leave; with several priorities the tick has the QP
-        of the last level, and of the motions that contacts and the levels above leave.
+        Dimension of the contacts' null space; with several priorities the tick has the QP of the
+        last level, and it is the null space of contacts and the levels above.
     rank:
-        Of these, how many the tasks determine; the others are left to the damping. Fewer than
-        the tasks have rows means that tasks are singular or repeat each other. What tasks damp of
-        themselves (``lm_damping``, and points that are not yet at their targets) counts as
-        determined.
+        Number of these directions that the tasks determine; the damping decides the others. If it
+        is less than the tasks' rows, tasks are singular or linearly dependent. Directions that
+        tasks damp themselves (``lm_damping``, and points that are not yet at their targets) count
+        as determined.
     condition:
         Largest over least curvature of the cost along the directions determined; 1 if none is.
-        Directions are measured by the joints' weights, like the damping.
+        Directions are scaled by the joints' weights, like the damping.
     """
 
     free: int
@@ -45,9 +45,9 @@ def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
     Parameters
     ----------
     damping, weights:
-        The controller's, and its weights (nv,) of the joints, which are part of the cost.
+        The controller's damping and joint weights (nv,), which are part of the cost.
     """
-    nv = weights.size  # behind v there may be slacks, which are no motions
+    nv = weights.size  # slacks may follow v
     free = null_space(qp.A[:, :nv]) if qp.b.size else np.eye(nv)
     size = (free.T * weights) @ free
     curvatures = eigh(free.T @ qp.P[:nv, :nv] @ free, size, eigvals_only=True) - damping

@@ -1,4 +1,4 @@
-"""A tick in a file: all that its controller was asked with, answered again wherever it is read."""
+"""Saved ticks: a controller's inputs and outputs in a file, to replay them elsewhere."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from wbc.validate import Array
 
 
 class Replay(NamedTuple):
-    """A saved tick that was asked for again.
+    """A saved tick that was computed again.
 
     Attributes
     ----------
     tick:
-        What the controller answers now.
+        The controller's result now.
     differences:
-        What is not the same to the last bit, in words; empty if all is.
+        Descriptions of what differs by even one bit; empty if nothing does.
     """
 
     tick: Tick
@@ -31,7 +31,7 @@ class Replay(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether the answer is the same to the last bit."""
+        """Whether the result is the same to the last bit."""
         return not self.differences
 
 
@@ -41,14 +41,14 @@ class SavedTick(NamedTuple):
     Attributes
     ----------
     controller:
-        As it was before the tick, but for its solver's warm start.
+        As it was before the tick, except for its solver's warm start.
     q, v:
-        (nq,), (nv,) the state that it was asked with.
+        (nq,), (nv,) the state at the tick.
     answer:
-        What it answered: ``velocity``, ``torque`` at the torque level, ``status``, ``policy``,
+        The saved results: ``velocity``, ``torque`` at the torque level, ``status``, ``policy``,
         ``slack``, ``solver``, ``report``.
     versions:
-        That it was answered with.
+        Versions of the packages that computed it.
     """
 
     controller: Controller
@@ -64,15 +64,15 @@ class SavedTick(NamedTuple):
         Parameters
         ----------
         code:
-            The Python file that defines tasks or constraints of yours; it is run. Without it a
-            file can name nothing but this package's classes.
+            The Python file that defines your own tasks or constraints; it is executed. Without it a
+            file can refer only to this package's classes.
 
         Raises
         ------
         InvalidInputError
-            Another file, a damaged one, or one that names code that was not given.
+            The file is of another kind, damaged, or refers to code that was not given.
         OSError
-            It cannot be read.
+            The file cannot be read.
         """
         own = None if code is None else Path(code)
         content, versions = read_pickled(path, TICK_FILE, own)
@@ -87,11 +87,11 @@ class SavedTick(NamedTuple):
             raise InvalidInputError(f"{path}: is damaged: {error}") from error
 
     def replay(self) -> Replay:
-        """Ask the controller again, and compare.
+        """Run the controller again, and compare the results.
 
-        Ticks that failed, that gave way, or whose QP the core solved alone are answered to the
-        last bit; one that ProxQP solved from a warm start, which no file holds, to its accuracy.
-        One read is for one replay: the controller goes on from there.
+        Ticks that failed, that were relaxed, or whose QP the core solved alone are reproduced to
+        the last bit; one that ProxQP solved from a warm start, which is not saved, to its accuracy.
+        Replay a loaded tick once only: the controller's state changes.
         """
         try:
             tick = self.controller._replay_step(self.controller.robot.snapshot(self.q, self.v))

@@ -1,31 +1,29 @@
-"""Singularity-robust tasks: a singular task asks for less, in its singular directions only.
+"""Singularity-robust tasks: a singular task's rate is reduced in its singular directions only.
 
-Over straight knees, at a straight arm, or where tasks nearly repeat each other, a small rate of the
-error takes huge rates of the joints. Tasks that have opted in (``singular_threshold``) are treated
-together, within the motions that the held rows leave. Let X (nv, k) be the motions that bring about
-one unit of each row, the smallest such motions by the joints' weights. With W the rows' weights, c
-the weighted rates that the tasks want beyond those that the held rows cause, and
-E = W * singular_threshold,
+With straight knees, a straight arm, or nearly dependent tasks, a small rate of the error takes huge
+joint rates. Tasks that have opted in (``singular_threshold``) are treated together, in the null
+space of the held rows. Let X (nv, k) be the motions that bring about one unit of each row, the
+smallest such motions by the joints' weights. With W the rows' weights, c the weighted rates that
+the tasks want beyond those that the held rows cause, and E = W * singular_threshold,
 
     A A' = W (X' X)^-1 W,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
 
-is what they ask for instead of c. For equal joint weights A is W J N, with N (nv, free) an
-orthonormal basis of the motions that the held rows leave. In any case the weights only choose the
-motion; whether it is singular is judged by its joint rates, in plain rad/s.
+replaces c. For equal joint weights A is W J N, with N (nv, free) an orthonormal basis of the null
+space of the held rows. The weights only choose the motion; whether it is singular is decided by its
+joint rates, unweighted in rad/s.
 
 For one task this is least squares damped by numerical filtering
 (Maciejewski and Klein 1988) with the variable damping of Nakamura and Hanafusa (1986) and
 Chiaverini (1997): in a direction of singular value s the joint rate is the wanted rate times
 s / max(s, singular_threshold)^2. For any number of tasks:
 
-- Where A A' - E^2 is positive definite, nothing is changed; where a singular value passes the
-  threshold, or two cross, nothing jumps: c' is a continuous function of A, as singular vectors are
-  not.
-- Joint rates |v| no greater than |wanted rates / singular_threshold| achieve what is asked for.
-- Tasks that contradict each other outright still settle by their weights.
+- Where A A' - E^2 is positive definite, c' = c; where a singular value passes the threshold, or two
+cross, nothing jumps: c' is a continuous function of A, unlike singular vectors.
+- Joint rates |v| no greater than |wanted rates / singular_threshold| achieve c'.
+- Between tasks that contradict each other outright the weights still decide.
 
-The demand is filtered rather than the motion damped: a direction in which a task can do nothing is
-left to the other tasks, such as a posture that leads away from the singularity.
+The wanted rate is filtered rather than the motion damped: directions in which a task has no effect
+are free for other tasks, such as a posture that leads away from the singularity.
 """
 
 from __future__ import annotations
@@ -40,30 +38,30 @@ from scipy.linalg import lapack
 from wbc.laws import Rows
 from wbc.validate import Array
 
-# Rows this many times lighter than the heaviest count as so heavy: squares keep their digits.
+# Least weight of a row relative to the heaviest; lighter rows are raised to it, for accuracy.
 LIGHTEST = 1e-4
-# A diagonal entry of R below this part of the largest marks held rows that repeat the others.
+# Diagonal entries of R below this fraction of the largest belong to dependent held rows.
 RANK_TOLERANCE = 1e-9
-# Gram matrices are known to this part of their diagonals.
+# Relative accuracy of Gram matrices, as a fraction of their diagonals.
 ROUNDING = 1e-13
 
 
 class Singularity(NamedTuple):
-    """How well one task can be done with the motions that are left to it.
+    """Rank and conditioning of one task in the null space that is left to it.
 
     Attributes
     ----------
     rank:
-        Of its rows that have weight, how many independent ones are not singular: singular values
-        at or above ``singular_threshold``. They are the Jacobian's in the motions that are left,
-        for joints of different weights those of A above without W.
+        Rank of its rows that have weight: the number of singular values at or above
+        ``singular_threshold``. They are those of the Jacobian in the null space, and for joints of
+        different weights those of A above without W.
     least:
         Least singular value [the error's unit/s per rad/s].
     condition:
         Largest over least singular value; infinite if the least is 0.
     rate_reduction:
-        (k,) wanted minus asked-for rate of the error, or None: neither this task nor all of its
-        level together that have opted in are singular.
+        (k,) wanted minus reduced rate of the error. None if neither this task is singular nor all
+        tasks of its level together that have opted in.
     """
 
     rank: int
@@ -73,13 +71,13 @@ class Singularity(NamedTuple):
 
 
 class Grams(NamedTuple):
-    """What the least motions Y (nv, k) in the joints' metric, one along each row, bring about."""
+    """Gram matrices of the smallest motions Y (nv, k) along each row, in the joints' metric."""
 
     rate: Array  # (k, k) J Y, the rates of the rows
     speed: Array | None  # (k, k) Y' Y; None if all joints weigh 1, as it is then the same
 
     def of(self, rows: slice) -> Grams:
-        """Return those of some rows."""
+        """Return the Gram matrices of some rows."""
         return Grams(self.rate[rows, rows], None if self.speed is None else self.speed[rows, rows])
 
 
@@ -87,21 +85,22 @@ class NullSpace(NamedTuple):
     """The null space of the held rows, in the joints' metric (velocities times ``root``)."""
 
     row_space: Array  # (nv, rank) orthonormal basis of the motions that the held rows fix
-    particular: Array  # (nv,) the least motion that meets the held rows
+    particular: Array  # (nv,) the smallest motion that meets the held rows
     root: Array  # (nv,) square roots of the joints' weights
 
 
 def reduce_singular(
     rows: Sequence[Rows], held: Sequence[Rows], root: Array
 ) -> tuple[list[Rows], dict[int, Singularity]]:
-    """Return rows of which the singular ones ask for less, and what was found by their index.
+    """Return rows with reduced rates of the singular ones, and singularities by row index.
 
     Parameters
     ----------
     rows:
         Costs of one level; those whose ``singular_threshold`` is 0 stay as they are.
     held:
-        Rows that are met whatever the costs: contacts, and what more important tasks achieve.
+        Rows that are met whatever the costs: contacts, and the achieved rates of more important
+        tasks.
     root:
         (nv,) square roots of the joints' weights.
     """
@@ -126,7 +125,7 @@ def reduce_singular(
 
 
 def _weighty(row: Rows) -> Rows:
-    """Return a task's rows without those of no weight."""
+    """Return a task's rows without those of zero weight."""
     if row.weight.all():
         return row
     wanted = np.flatnonzero(row.weight)
@@ -136,7 +135,7 @@ def _weighty(row: Rows) -> Rows:
 
 
 def _null_space(held: Sequence[Rows], root: Array) -> NullSpace:
-    """Factorise the held rows, which may repeat each other, by QR with column pivoting."""
+    """Factorise the held rows, which may be dependent, by QR with column pivoting."""
     if not any(row.matrix.any() for row in held):
         return NullSpace(np.zeros((root.size, 0)), np.zeros(root.size), root)
     C = np.concatenate([row.matrix for row in held])
@@ -152,7 +151,7 @@ def _null_space(held: Sequence[Rows], root: Array) -> NullSpace:
 
 
 def _grams(matrix: Array, free: NullSpace) -> Grams:
-    """Return the grams of J = ``matrix`` (k, nv) in the motions that are left."""
+    """Return the Gram matrices of J = ``matrix`` (k, nv) in the null space."""
     metric = matrix / free.root
     metric -= (metric @ free.row_space) @ free.row_space.T
     rate: Array = metric @ metric.T
@@ -163,10 +162,10 @@ def _grams(matrix: Array, free: NullSpace) -> Grams:
 
 
 def _per_speed(grams: Grams) -> Array:
-    """Return (X' X)^-1 (k, k): what the error does for the joint rates, both squared."""
+    """Return (X' X)^-1 (k, k): squared rates of the error per squared joint rates."""
     if grams.speed is None:
         return grams.rate
-    speed = grams.speed.copy()  # not of full rank where tasks are singular or repeat each other
+    speed = grams.speed.copy()  # not of full rank where tasks are singular or dependent
     speed.flat[:: len(speed) + 1] *= 1.0 + ROUNDING
     speed.flat[:: len(speed) + 1] += np.finfo(float).tiny
     _, motions, _ = lapack.dposv(speed, grams.rate)
@@ -175,7 +174,7 @@ def _per_speed(grams: Grams) -> Array:
 
 
 def _rate_reduction(stack: Sequence[Rows], gram: Array, free: NullSpace) -> Array | None:
-    """Return W^-1 (c - c') (k,), or None if nothing is singular."""
+    """Return W^-1 (c - c') (k,), or None if no task is singular."""
     weight = np.concatenate([row.weight for row in stack])
     weight = np.maximum(weight, LIGHTEST * weight.max())
     least = np.concatenate([[row.singular_threshold] * row.weight.size for row in stack])

@@ -1,4 +1,4 @@
-"""Whether a robot can stand still: the torques needed, and those available."""
+"""Static equilibrium of a standing robot: the joint torques needed, and those available."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from wbc.robot.model import check_snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
-# Squared costs, in units of the robot's weight (and, for moments, of that at one metre): of what no
-# contact can bear, of torque beyond the limits, of torque, and of forces. With 1e12 between the
-# first and the last the solver's rounding left torques 0.4 to 1.4 N m off the least.
+# Costs of squares, in units of the robot's weight (and, for moments, times one metre): of the
+# unbalanced wrench, of torque beyond the limits, of torque, and of forces. With a ratio of 1e12
+# between the first and the last, rounding in the solver left torques 0.4 to 1.4 N m off the
+# optimum.
 UNHELD, EXCESS, TORQUE, FORCE = 1e7, 1e5, 1.0, 1e-3
-# What the costs leave of the first two is no failure: parts of the weight, and of a limit.
+# Residuals of the first two below this are no failure: fractions of the weight, and of a limit.
 NEGLIGIBLE = 1e-3
-ROUNDING = 1e-6  # torques below this part of the weight at one metre are none
+ROUNDING = 1e-6  # torques below this fraction of weight times one metre are zero
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stance:
-    """What standing still takes at one snapshot.
+    """Torques and contact forces of static equilibrium at one snapshot.
 
     Attributes
     ----------
     torque:
-        (nv - 6,) least torques [N m or N], near or beyond what there is if there are no others.
+        (nv - 6,) least torques [N m or N]; they exceed the limits only if no others exist.
     most:
-        (nv - 6,) the limits.
+        (nv - 6,) the torque limits.
     reaction:
-        The contact forces that go with them.
+        The contact forces in that equilibrium.
     unheld:
-        (6,) force [N] and moment [N m] on the base, base axes, that no forces of these contacts
-        bear.
+        (6,) unbalanced force [N] and moment [N m] on the base, base axes, beyond these contacts.
     displaced:
-        Distance [m] of each contact from its anchor, of those that are not at it.
+        Distance [m] from its anchor of each contact that is not at it.
     """
 
     snapshot: Snapshot
@@ -64,7 +64,7 @@ class Stance:
 
     @property
     def overloaded(self) -> dict[str, tuple[float, float]]:
-        """By joint: the torque that it takes, and the largest there is, where that is less."""
+        """Required and largest available torque of each joint where the first is greater."""
         unsaid = ROUNDING * self.snapshot.robot.weight
         beyond = np.abs(self.torque) > (1.0 + NEGLIGIBLE) * self.most + unsaid
         names = self.snapshot.robot.joint_names
@@ -74,16 +74,16 @@ class Stance:
 
     @property
     def held(self) -> bool:
-        """Whether the contacts can bear the robot, whatever torques that takes."""
+        """Whether the contacts can carry the robot, whatever the torques."""
         return float(np.abs(self.unheld).max()) <= NEGLIGIBLE * self.snapshot.robot.weight
 
     @property
     def ok(self) -> bool:
-        """Whether it can stand: contacts that are there and bear it, and torques that suffice."""
+        """Whether it can stand: contacts at their anchors that carry it, and sufficient torques."""
         return self.held and not self.overloaded and not self.displaced
 
     def report(self) -> str:
-        """Return what is missing, by contact and joint, or ``"can stand"``."""
+        """Return the reasons why it cannot stand, by contact and joint, or ``"can stand"``."""
         said = [
             f"contact {name!r} is {1e3 * by:.3g} mm from its anchor: in the air, or anchored"
             " elsewhere"
@@ -106,24 +106,24 @@ class Stance:
 def stance_torques(
     snapshot: Snapshot, contacts: Sequence[Task], *, torque_limits: float = 1.0
 ) -> Stance:
-    """Return the torques by which a robot stands still on its contacts, or the nearest to that.
+    """Return the torques that keep a robot in static equilibrium, or come nearest to it.
 
-    In statics: bias = [0; tau] + J' f with forces inside their cones. Torques are the least in
-    squares that keep the limits, if any do; otherwise those that exceed them least.
+    In statics: bias = [0; tau] + J' f with forces inside their cones. Torques have the least sum of
+    squares within the limits, if possible; otherwise they exceed the limits least.
 
     Parameters
     ----------
     snapshot:
-        Where it stands; its velocity is of no account.
+        The posture; its velocity is ignored.
     contacts:
-        As a :class:`~wbc.controllers.torque.TorqueController` takes them.
+        As for a :class:`~wbc.controllers.torque.TorqueController`.
     torque_limits:
         Factor on the robot's effort limits.
 
     Raises
     ------
     InvalidInputError
-        No snapshot, no contacts, or contacts of which it is not known where forces act.
+        No snapshot, no contacts, or contacts with unknown points of force.
     """
     check_snapshot("stance", snapshot)
     robot = snapshot.robot
@@ -157,7 +157,7 @@ def stance_torques(
 
 
 def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) -> QP:
-    """Return the QP of forces and of torques beyond ``most``, all in units of the weight."""
+    """Return the QP of forces and of torques beyond ``most``, in units of the weight."""
     k, n = forces.size, most.size
     # x = (f, lack): tau = bias - J' f, |tau + lack| <= most; base rows are costs.
     base, joints = by_force[:6], by_force[6:]

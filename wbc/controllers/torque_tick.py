@@ -1,4 +1,4 @@
-"""What one tick of the torque level answers."""
+"""The result of one tick at the torque level."""
 
 from __future__ import annotations
 
@@ -13,26 +13,25 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueTick(Tick):
-    """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
+    """The result of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
 
     Attributes
     ----------
     torque:
         (nv - 6,) command [N m or N]; always finite and inside the torque bounds.
     acceleration:
-        (nv,) of v, over the tick.
+        (nv,) time derivative of v, constant over the tick.
     reaction:
-        The contact forces, from which the properties below are made when they are asked for.
+        The contact forces, from which the properties below are computed on demand.
     ramps:
-        Of each contact that comes or goes: its largest normal force in this tick [N]. See
+        Largest normal force in this tick of each contact that is being added or removed [N]. See
         :meth:`TorqueController.set_contacts`.
     wrenches:
-        What acted from outside and was known, by frame (6,): as :meth:`TorqueController.step` was
-        told.
+        Known external wrenches (6,) by frame, as passed to :meth:`TorqueController.step`.
     refuted:
-        Where something gave way: what came of the QP in which all is hard. Its ``conflict`` names
-        the rows that cannot all hold; without one the deadline was over (``left_out``), or no
-        solver found an answer.
+        If rows were relaxed: the result of the QP in which all are hard. Its ``conflict`` names the
+        rows that cannot all hold; without one the deadline had passed (``left_out``), or no solver
+        found a solution.
     """
 
     torque: Array
@@ -48,7 +47,7 @@ class TorqueTick(Tick):
     def forces(self) -> dict[str, Array]:
         """By contact: wrench (6,) on the robot at the frame's origin, world axes, [N] then [N m].
 
-        Of a gear, its generalized force.
+        For a gear it is its generalized force.
         """
         return self.reaction.wrenches()
 
@@ -64,25 +63,25 @@ class TorqueTick(Tick):
 
     @property
     def relaxed(self) -> tuple[str, ...]:
-        """Names of the contact rows, limits and margins that gave way; see ``slack``.
+        """Names of the contact rows, limits and margins that were relaxed; see ``slack``.
 
-        Empty in a tick that kept them all: ``policy`` is then None, or ``"relax"`` where only the
-        relaxed QP could be solved and misses nothing noticeable.
+        Empty in a tick that met them all: ``policy`` is then None, or ``"relax"`` where only the
+        relaxed QP could be solved, with negligible violations.
         """
         return tuple(self.slack) if self.policy == RELAX else ()
 
     @property
     def displaced(self) -> dict[str, float]:
-        """Contacts that are not at their anchors, by how far [m]: in the air, or held elsewhere.
+        """Distances [m] of contacts off their anchors: in the air, or held elsewhere.
 
-        What they are said to bear is then no force that the ground gives. The controller moves
+        Their computed forces are then not those of the ground. The controller moves
         them towards their anchors.
         """
         contacts = [part.contact for part in self.reaction.layout.parts]
         return displaced(self.reaction.snapshot, contacts)
 
     def report(self) -> str:
-        """Return what gave way or went wrong in one or two sentences, or ``"solved"``."""
+        """Describe relaxed rows and failures in one or two sentences, or return ``"solved"``."""
         away = "".join(
             f"; contact {name!r} is {1e3 * by:.3g} mm from its anchor"
             for name, by in self.displaced.items()
@@ -101,5 +100,5 @@ class TorqueTick(Tick):
 
     @property
     def conflict(self) -> Conflict | None:
-        """Rows that contradict each other, each of them to blame, or None."""
+        """A smallest set of rows that contradict each other, or None."""
         return self.solution.conflict if self.refuted is None else self.refuted.conflict

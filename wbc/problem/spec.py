@@ -30,17 +30,17 @@ from wbc.problem.task_spec import TaskSpec
 from wbc.run.phase_support import Ground
 from wbc.run.stopping import Stop
 
-# The kinds that are imported above.
+# One of the types that are imported above.
 AnyTask = Annotated[TaskSpec, OneOf("type", "{type: com, target: [0, 0, 0.3]}", then="control")]
 AnyConstraint = Annotated[ConstraintSpec, OneOf("type", "{type: box, upper: [null, null, 1]}")]
 AnyController = Annotated[ControllerSpec, OneOf("method", "{solver: proxqp}", then="level")]
 
-# Free of dots and brackets, so that `--set tasks.NAME.gain=...` reads a name in one piece.
+# Without dots and brackets, so that `--set tasks.NAME.gain=...` can be split at its dots.
 PlainName = Annotated[str, StringConstraints(pattern=r"^\w[\w -]*$")]
 
 
 class AnyTarget:
-    """Annotates a target in any form that some kind of task takes.
+    """Annotates a target in any form that some type of task accepts.
 
     The valid forms depend on the task, so it is checked together with the task.
     """
@@ -55,40 +55,40 @@ class AnyTarget:
 
 
 class PhaseTaskSpec(Section):
-    """What a phase changes about a task."""
+    """Changes of a task in a phase."""
 
     target: Annotated[Any, AnyTarget()] | None = None
-    """Where the task's target should be at the end of the phase, or of its ramp, in any form that
-    the task itself takes; what is relative is relative to the start of the run. It moves smoothly
-    from where it is, or from where the robot is if the task was off; of forces from the task's own
-    target."""
+    """The task's target at the end of the phase, or of its ramp, in any form that the task itself
+    accepts; relative ones are relative to the start of the run. The target moves there smoothly
+    from its last value, or from the robot's actual one if the task was off; of forces from the
+    task's own target."""
     weight: Weight | None = None
-    """Weight at the end of the phase; it changes smoothly."""
+    """Weight at the end of the phase, to which it changes smoothly."""
     active: bool | None = None
-    """Whether the task is in use from this phase on. Its weight rises or falls smoothly within the
-    phase; at once if the task's frame is let go or put down at its beginning."""
+    """Whether the task is on from this phase on. Its weight rises or falls smoothly within the
+    phase; at once if the task's frame leaves or makes contact at its beginning."""
 
 
 class PhaseSpec(Section):
     """A part of a run."""
 
     duration: Positive
-    """How long it takes [s]."""
+    """Duration of the phase [s]."""
     ramp: Positive | None = None
-    """In which targets and weights get to where they should be [s]; left out: its duration."""
+    """Time in which targets and weights change [s]; left out: the phase's duration."""
     until: Literal["touchdown"] | None = None
-    """touchdown: it ends as soon as the feet that the next phase puts down bear load and lie flat,
-    after duration at the latest; what is left of that, the last phase lasts longer. Of the torque
+    """touchdown: it ends as soon as the feet that the next phase puts down are loaded and flat,
+    after duration at the latest; the time that is saved is added to the last phase. Of the torque
     level: feet feel the simulation's true forces, without noise or delay."""
     support: Support | None = None
-    """What is held in this phase, as in the problem's own support. A foot that was in the air must
-    have come to the ground, and is held where it is."""
+    """Contacts in this phase, as in the problem's own support. A foot that was in the air must be
+    on the ground by then, and is held where it is."""
     tasks: dict[PlainName, PhaseTaskSpec] = Field(default_factory=dict)
-    """What changes, by the names of the problem's tasks."""
+    """Changes of tasks, by the tasks' names."""
 
 
 class StopSpec(Section):
-    """When a run ends, and what must hold then."""
+    """When a run ends, and the criteria of success."""
 
     duration: Positive = default_of(Stop, "duration")
     """Longest time to run [s]."""
@@ -98,13 +98,14 @@ class StopSpec(Section):
     accept: dict[Name, Positive] = Field(default_factory=dict)
     """Tolerance on the norm of a task's error at the end, by the task's name."""
     balance: Number | None = default_of(Stop, "balance")
-    """How far inside the soles that stand the CoM's projection stays all the time [m]; null: no
-    matter where."""
+    """Least distance of the CoM's projection inside the soles in contact, at all times [m]; null:
+    not checked."""
     slip: NonNegative | None = default_of(Stop, "slip")
-    """Farthest that a held frame may be from its anchor [m], unless it has a slack; null: any."""
+    """Largest distance of a held frame from its anchor [m], unless it has a slack; null: not
+    checked."""
     margins: NonNegative | None = default_of(Stop, "margins")
-    """By how much joint limits and constraints without slack may be exceeded [m or rad], once they
-    are kept; null: by anything."""
+    """Largest violation of joint limits and constraints without slack [m or rad], once they have
+    been met; null: not checked."""
 
 
 _SECTIONS: dict[str, type[Section]]
@@ -112,7 +113,7 @@ _SECTIONS = {"simulation": SimulationSpec, "stop": StopSpec, "controller": QpSpe
 
 
 class ProblemSpec(Section):
-    """A whole-body control problem: a robot, what it should do, and what it must respect."""
+    """A whole-body control problem: a robot with its tasks, limits and constraints."""
 
     elsewhere: ClassVar[Mapping[str, str]] = {
         key: f"{name}; write {name}: {{{key}: ...}}, or --set {name}.{key}=..."
@@ -125,29 +126,29 @@ class ProblemSpec(Section):
     robot: RobotChoice
     """A name that `wbc robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
     start: StartSpec = StartSpec()
-    """Where the robot starts."""
+    """Initial state of the robot."""
     support: Support | None = None
-    """What is held where it is at the start: nothing (floating), a foot, both feet (double), all
-    feet, or a list of feet and frames. Left out: nothing, of a robot without feet; a robot with
-    feet must say, here or in its first phase."""
+    """Contacts, held at their initial poses: none (floating), a foot, both feet (double), all feet,
+    or a list of feet and frames. Left out: none, for a robot without feet; a robot with feet needs
+    it, here or in its first phase."""
     tasks: Annotated[dict[PlainName, AnyTask], Field(min_length=1)]
-    """What the robot should do, by names of your choice."""
+    """Tasks of the robot, by names of your choice."""
     phases: Annotated[dict[PlainName, PhaseSpec], Field(min_length=1)] | None = None
     """The parts of the run by names of your choice, in order; the run ends after the last. Without
-    phases everything is as it is at the start, until the run stops."""
+    phases nothing changes until the run stops."""
     limits: LimitsChoice = LimitsSpec()
-    """What joints and base may do, or none."""
+    """Limits of joints and base, or none."""
     constraints: dict[PlainName, AnyConstraint] = Field(default_factory=dict)
-    """What else the robot must respect, by names of your choice."""
+    """Further constraints, by names of your choice."""
     controller: AnyController = QpSpec()
-    """How the tasks are turned into motion."""
+    """The controller that solves for the motion."""
     hands: HandsSpec | None = None
-    """Hands that lean on the walls of simulation.terrain when a push carries the capture point
-    beyond the soles; at the torque level, of a robot that stands. Left out: none."""
+    """Hands that are put on the walls of simulation.terrain when a push moves the capture point out
+    of the soles; at the torque level, of a robot that stands. Left out: none."""
     simulation: SimulationSpec = SimulationSpec()
     """The physics, pushes and sensors of a problem of the torque level, for `wbc sim`."""
     stop: StopSpec = StopSpec()
-    """When the run ends, and what counts as success."""
+    """When the run ends, and the criteria of success."""
 
     @property
     def ground_height(self) -> Ground | None:
@@ -158,7 +159,7 @@ class ProblemSpec(Section):
 
     @property
     def timed_by(self) -> str:
-        """The section that defines the duration if there are no phases."""
+        """Name of the section that sets the duration if there are no phases."""
         return "simulation" if self.controller.level == "torque" else "stop"
 
     @property

@@ -1,4 +1,4 @@
-"""What all tasks of a problem file have in common; each kind of task is a file in ``kinds``."""
+"""Keys that all tasks of a problem file have; each type of task is a file in ``kinds``."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from wbc.tasks import Task
 
 
 class TaskSpec(Section):
-    """What all tasks have in common.
+    """The base of every task's description.
 
-    A kind of task is a subclass with a ``type`` of its own, a ``target``, a ``weight``, and
-    :meth:`build`. Keys that are added here, or to the classes below, are handed on to the task's
-    class under the same name.
+    A type of task is a subclass with a ``type`` of its own, a ``target``, a ``weight``, and
+    :meth:`build`. Keys that are added here, or to the classes below, are passed to the task's class
+    under the same name.
     """
 
     no_posture: ClassVar[str] = ""
-    """Why a search over postures has no use for such a task; empty if it has."""
+    """Why a search over postures cannot use such a task; empty if it can."""
     of_plan: ClassVar[tuple[str, ...]] = ()
-    """What of a plan's targets it follows: names of value, rate and acceleration."""
+    """Names of the plan's targets that it follows: of value, rate and acceleration."""
     level: ClassVar[str] = ""
-    """The only control level that has such tasks; empty if both have."""
+    """The only control level that supports such tasks; empty if both do."""
 
     type: str
     target: Any
     weight: Any
     priority: int = Field(default=default_of(Task, "priority"), ge=0, le=9)
-    """Strict level, 0 the most important: a level never gives way to a later one."""
+    """Strict level, 0 the most important: a level is never disturbed by a later one."""
     active: bool = True
-    """false: the task is off, until a phase puts it to use."""
+    """false: the task is off, until a phase turns it on."""
 
     @abstractmethod
     def build(self, name: str, start: Snapshot) -> TargetedTask:
@@ -56,11 +56,11 @@ class TaskSpec(Section):
 
     @property
     def contact_frames(self) -> tuple[str, ...]:
-        """Frames that the file names as those of contacts."""
+        """Frames of contacts that the task refers to."""
         return ()
 
     def check_change(self, before: Self) -> None:
-        """Refuse what a phase cannot change about the task as it was ``before``.
+        """Raise an error if a phase changes what it cannot change of the task ``before``.
 
         Raises
         ------
@@ -69,11 +69,11 @@ class TaskSpec(Section):
         """
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:
-        """Return the feet that the target is above; they must stand when it is set."""
+        """Return the feet above which the target lies; they must be in contact when it is set."""
         return ()
 
     def settings(self, rows: Sequence[str] = ()) -> dict[str, Any]:
-        """Return the keywords that the task's class hands on to :class:`~wbc.tasks.Task`.
+        """Return the keyword arguments that the task's class passes to :class:`~wbc.tasks.Task`.
 
         Raises
         ------
@@ -95,24 +95,24 @@ class TaskSpec(Section):
 
 
 class MotionTaskSpec(TaskSpec):
-    """What tasks about the motion have in common, at either level."""
+    """Keys of all tasks of motion, at either level."""
 
     singular_threshold: NonNegative = default_of(VelocityLaw, "singular_threshold")
     """Singular values of the Jacobian below this are singular, counting the motions that contacts
-    and earlier levels leave [unit of the error/s per rad/s]: the task asks for less in their
-    directions, so that joints need not race. 0: never. Of the velocity level."""
+    and earlier levels leave [unit of the error/s per rad/s]: the task's rate is reduced in their
+    directions, which keeps joint rates small. 0: never. Of the velocity level."""
     kd: NonNegative | None = None
     """At the torque level: damping of the error [1/s]; left out: critical, 2 sqrt(kp)."""
 
 
 class ForceTaskSpec(TaskSpec):
-    """What tasks about contact forces and torques have in common; there are no gains."""
+    """Keys of all tasks of contact forces and torques; they have no gains."""
 
     level: ClassVar[str] = "torque"
 
 
 class ErrorTaskSpec(MotionTaskSpec):
-    """What tasks with an error to remove have in common."""
+    """Keys of all tasks with an error to remove."""
 
     gain: Fraction = default_of(VelocityLaw, "gain")
     """Fraction of the error to remove in one tick, in (0, 1]."""
@@ -122,12 +122,12 @@ class ErrorTaskSpec(MotionTaskSpec):
     """Levenberg-Marquardt damping: steadies a task whose target cannot be reached. Of the velocity
     level, as the gains."""
     weighs_error: bool = default_of(VelocityLaw, "weighs_error")
-    """Whether the weight is that of the error, whatever the gain: what tasks that compete give way
-    at rest. Of the velocity level."""
+    """Whether the weight applies to the error, whatever the gain, and so decides what errors
+    competing tasks have at rest. Of the velocity level."""
     kp: NonNegative | None = None
     """At the torque level: stiffness of the error [1/s^2]; left out: 100."""
     ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from what is there at the start."""
+    """Time [s] in which the target moves smoothly from the initial value."""
 
 
 HANDED_ON = ErrorTaskSpec.model_fields.keys() - {"type", "target", "active", "ramp"}

@@ -11,12 +11,12 @@ from wbc.validate import Array
 
 
 class NoPostureError(WbcError):
-    """No search ended at a posture that keeps every constraint; the message says why."""
+    """No search found a posture that meets every constraint; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """How well a posture keeps the constraints, measured by Pinocchio.
+    """How well a posture meets the constraints, computed with Pinocchio.
 
     Attributes
     ----------
@@ -25,12 +25,13 @@ class Kept:
     limit:
         Smallest distance to a joint limit, margin included [rad or m]; negative outside.
     support:
-        How far the CoM is inside the support polygon, margin included [m]; None if not asked for.
+        Distance of the CoM inside the support polygon, margin included [m]; None without that
+        constraint.
     clearance:
-        How much more room than asked for bodies, obstacles and boxes leave, the least [m]; None
-        without such constraints.
+        Least clearance beyond the required margin, of bodies, obstacles and boxes [m]; None without
+        such constraints.
     broken:
-        Constraints that are not kept, in words; empty if all are.
+        Descriptions of the violated constraints; empty if all are met.
     """
 
     contact: float
@@ -42,7 +43,7 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A posture that keeps every constraint.
+    """A posture that meets every constraint.
 
     Attributes
     ----------
@@ -51,13 +52,13 @@ class Candidate:
     cost:
         Sum of gain * 1/2 |weight * error|^2 over the tasks, from Pinocchio.
     errors:
-        What each task reports as its error, by name.
+        The tasks' errors, as they report them, by name.
     kept:
-        How well constraints are kept.
+        How well the constraints are met.
     status, optimal, iterations:
-        IPOPT's own word, whether it says that the conditions of optimality hold, and its steps.
+        IPOPT's status, whether it found the optimality conditions to hold, and its iterations.
     starts:
-        Numbers of the starts that led here; 0 is the current posture.
+        Numbers of the starts whose searches ended here; 0 is the current posture.
     """
 
     q: Array
@@ -72,16 +73,17 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A start that led to no usable posture.
+    """A start whose search found no usable posture.
 
     Attributes
     ----------
     start:
-        Its number; None for a sample that was never searched from.
+        Its number; None for a sample from which no search was made.
     reason:
         Why, in words.
     kind:
-        Why, in words without numbers, by which reasons can be counted.
+        The reason without numbers, the same for all rejections of a kind, so that they can be
+        counted.
     """
 
     start: int | None
@@ -100,16 +102,16 @@ class Stopped(StrEnum):
 
 @dataclass(frozen=True)
 class ShapingStatistics:
-    """What the search did.
+    """Counts and times of a search.
 
     Attributes
     ----------
     drawn, searched:
         Samples drawn, and starts searched from.
     iterations:
-        Of IPOPT, in all.
+        Iterations of IPOPT in total.
     build_seconds, search_seconds:
-        Wall time of making the program and the starts, and of searching.
+        Wall time of building the nonlinear program and the starts, and of the searches.
     workers:
         Processes that searched.
     stopped:
@@ -127,14 +129,14 @@ class ShapingStatistics:
 
 @dataclass(frozen=True, eq=False)
 class ShapingOutcome:
-    """Every distinct posture that was found.
+    """All distinct postures that a search found.
 
     Attributes
     ----------
     candidates:
-        The best first; postures that are the same but for a tolerance are merged.
+        The best first; postures that agree within a tolerance are merged.
     rejected:
-        What came to nothing, and why.
+        Starts without a usable posture, and why.
     statistics:
         Statistics of the search.
     """
@@ -153,7 +155,7 @@ class ShapingOutcome:
             There is none.
         """
         if not self.candidates:
-            # Starts first; of samples that were not searched from only if there is room.
+            # Starts first, then samples from which no search was made, as far as there is room.
             reasons = dict.fromkeys(rejected.reason for rejected in self.rejected)
             raise NoPostureError(
                 f"global shaping: none of {self.statistics.searched} starts led to a posture that"
@@ -165,14 +167,14 @@ class ShapingOutcome:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A candidate that the controller was led to.
+    """A controller's attempt to reach a candidate.
 
     Attributes
     ----------
     candidate:
         Its index in the outcome.
     cost:
-        Where the motion ended.
+        The cost at the end of the motion.
     reason:
         Why it does not count as reached, or ``"arrived"``.
     """
@@ -197,15 +199,16 @@ class ShapingMotion:
     cost:
         (T,) of the tasks.
     candidate:
-        Where it was led to.
+        The candidate that it was meant to reach.
     kept:
-        The worst of every constraint over the motion, contacts [m or rad] as held by feedback.
+        The worst value of every constraint over the motion, contacts [m or rad] as held by
+        feedback.
     arrived:
-        True if it keeps every constraint and ends at the candidate's cost.
+        True if it meets every constraint and ends at the candidate's cost.
     at_rest:
-        True if nothing moved any more when it ended.
+        True if the robot was at rest at its end.
     attempts:
-        This one and those before it.
+        All attempts up to this one.
     """
 
     time: Array

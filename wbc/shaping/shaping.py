@@ -1,8 +1,8 @@
 """Global inertia shaping: the same tasks as the QP's, minimised over all postures.
 
-The QP descends from where the robot is to the nearest local minimum. Here IPOPT minimises the same
-cost from many starts; then the QP is run towards the best posture that it can reach, so that the
-answer is a motion.
+The QP descends from the current posture to the nearest local minimum. Here IPOPT minimises the same
+cost from many starts; then the QP controller runs to the best posture that it can reach, so that
+the result is a motion.
 """
 
 from __future__ import annotations
@@ -37,15 +37,16 @@ class GlobalShaping:
     limits:
         Joint limits, by default ``Limits(robot)``.
     constraints:
-        What the posture and the motion there must respect: the objects that a
-        :class:`~wbc.controllers.kinematic.KinematicController` takes, here all hard. Bodies are
-        kept apart as their shapes are, capsules, boxes and hulls exactly (see :mod:`.separation`).
-        Obstacles are where they are when :meth:`solve` is called; moving ones are refused.
+        Constraints on the posture and on the motion to it: those of a
+        :class:`~wbc.controllers.kinematic.KinematicController`, here all hard. Distances between
+        bodies are those of their actual shapes: capsules, boxes and hulls, exactly (see
+        :mod:`.separation`). Obstacles are taken at their positions when :meth:`solve` is called;
+        moving ones are refused.
 
     Raises
     ------
     InvalidInputError
-        Parts that do not fit together, or a task or constraint that says nothing about postures.
+        Parts that do not match, or a task or constraint that does not depend on the posture alone.
     """
 
     def __init__(
@@ -71,36 +72,36 @@ class GlobalShaping:
         progress: Progress | None = None,
         patience: int | None = None,
     ) -> ShapingOutcome:
-        """Search from the current posture, from others spread over all, and from hops between.
+        """Search from the current posture, from others spread over the feasible ones, and by hops.
 
-        The first two dozen starts are spread evenly over all that is allowed; later ones are made
-        of the best postures found by then (:mod:`.basin_hopping`).
+        The first two dozen starts are spread evenly over the feasible postures; later ones are
+        derived from the best postures found so far (:mod:`.basin_hopping`).
 
         The answer depends on ``starts``, ``patience`` and ``seed``, and not on ``workers`` nor on
         which search ends first, unless the time runs out. When four starts have met every task, no
-        others are tried. Ctrl-C ends the search and returns what was found.
+        more are tried. Ctrl-C ends the search and returns what was found.
 
         Parameters
         ----------
         q_start:
-            The current posture (nq,); where it matters, also where the base is.
+            The current posture (nq,), with the base's pose, where that matters.
         starts:
-            How many searches at most, the one from ``q_start`` included.
+            Largest number of searches, including the one from ``q_start``.
         seconds:
-            Wall time after which no search is begun [s]; no single one takes longer either (at
-            least a second). The search from ``q_start`` is always made. Starts are drawn before, at
-            some 300 to 10,000 a second, which counts but is not cut short.
+            Wall time after which no search is started [s]; it also limits each single search (to no
+            less than a second). The search from ``q_start`` is always made. The time to draw the
+            starts beforehand, some 300 to 10,000 a second, counts but is not limited.
         workers:
-            Processes, this one included, of which those beyond 16 are seldom of use; others are
+            Number of processes, including this one; more than 16 seldom help. The others are
             started fresh, see :class:`~wbc.workers.Workers`.
         seed:
-            Of the samples and the hops.
+            Seed of the samples and the hops.
         progress:
             Called after every search.
         patience:
-            So many searches in a row without a posture that is better by 0.1 % end the search;
-            None: all are made. With many starts and some patience, hard problems get the time that
-            easy ones do not need.
+            The search ends after so many starts in a row without a posture that is better by 0.1 %;
+            None: never. With many starts and some patience, hard problems get the time that easy
+            ones do not need.
 
         Raises
         ------
@@ -152,19 +153,19 @@ class GlobalShaping:
         Parameters
         ----------
         outcome:
-            What :meth:`solve` returned.
+            The result of :meth:`solve`.
         tolerance:
-            How much the cost at the end may be above the candidate's, relative to it.
+            Largest excess of the final cost over the candidate's, relative to it.
         attempts:
-            How many candidates to try, the best first.
+            Number of candidates to try, the best first.
         dt:
             Time step [s].
         make_controller:
-            Makes the controller from its tasks, for more constraints or another solver; by default
-            a :class:`~wbc.controllers.kinematic.KinematicController` with this problem's
-            contacts, limits and constraints.
+            A function that makes the controller from its tasks, for more constraints or another
+            solver; by default a :class:`~wbc.controllers.kinematic.KinematicController` with this
+            problem's contacts, limits and constraints.
         longest:
-            How long the motion may take [s]; None: 4 s longer than the way there.
+            Longest duration of the motion [s]; None: 4 s longer than the targets' ramp.
         rest_speed:
             The motion ends when no velocity is above this [rad/s, m/s] for ten ticks in a row;
             None: always after ``longest``.
@@ -173,8 +174,8 @@ class GlobalShaping:
 
         Returns
         -------
-        A motion; ``arrived`` tells whether it ends at a candidate. If it does not, it is the
-        attempt that came to the least cost, and its attempts say what went wrong.
+        A motion; ``arrived`` tells whether it ends at a candidate. If not, it is the attempt with
+        the least final cost, and its ``attempts`` hold the reasons.
 
         Raises
         ------

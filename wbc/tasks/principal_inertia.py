@@ -18,7 +18,7 @@ from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_array, read_only
 
-if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+if TYPE_CHECKING:  # CasADi is loaded only if expressions are needed
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 MOMENTS = ("smallest", "middle", "largest")
@@ -33,10 +33,10 @@ class PrincipalInertiaTask(Task):
     moments: it shares the eigenvectors of I (Hoffman and Wielandt). Unlike three separate
     eigenvalues, whose derivatives jump where two cross, this stays well behaved where two moments
     are equal: the error also has rows for the block in which the eigenvectors are arbitrary. It is
-    expressed in base axes, where the moments depend on the joints alone.
+    expressed in base axes, where the inertia depends on the joints alone.
 
     The Jacobian is that of the error unless two wanted moments lie farther apart than the actual
-    ones: there the axes of N turn without bound, and are followed no faster than I changes (see
+    ones: there the rate of N's axes is unbounded, and is limited to that of I (see
     :func:`turning_ratios`).
     """
 
@@ -69,7 +69,7 @@ class PrincipalInertiaTask(Task):
         rate: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
-        """Set the wanted principal moments (3,) [kg m^2] and, if they move, how; all are sorted.
+        """Set the target moments (3,) [kg m^2] and, if it moves, its derivatives; all are sorted.
 
         ``rate`` and ``acceleration`` (3,) are sorted as the moments are.
         """
@@ -103,13 +103,13 @@ class PrincipalInertiaTask(Task):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of inertia, or of inertia by mass."""
+        """Units of inertia, or of inertia per mass."""
         return ("m^2" if self.per_mass else "kg m^2",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second derivative of the error at v' = 0, the target's motion in it.
+        """Return the second derivative of the error at v' = 0, including the target's motion.
 
-        The axes of N turn no faster than the Jacobian lets them: see :func:`turning_ratios`.
+        The rate of N's axes is limited as in the Jacobian: see :func:`turning_ratios`.
         """
         moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
         rate = V.T @ vech_inverse(snapshot.base_inertia_jacobian @ snapshot.v) @ V
@@ -127,7 +127,7 @@ class PrincipalInertiaTask(Task):
         return (moments - self.target) * self._selection[0, 0]
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
-        """Return I - N with N any matrix of the wanted moments, its axes being a free rotation.
+        """Return I - N for the wanted moments of N, with its axes as free variables.
 
         The nearest such N is what the error is measured from (Hoffman and Wielandt): minimising
         over the axes too gives the same cost, with no eigenvalues that cross.

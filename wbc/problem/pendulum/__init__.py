@@ -1,1 +1,1 @@
-"""Problems of the pendulum itself: ``model: rmp_planar`` or ``rmp_solid``."""
+"""Problem files for the pendulum alone: ``model: rmp_planar`` or ``rmp_solid``."""

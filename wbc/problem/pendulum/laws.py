@@ -1,6 +1,6 @@
-"""Balance laws as a problem file describes them, each with how it is made.
+"""Balance laws in problem files: the keys of each, and how to build it.
 
-A new law is its own file, and a :class:`LawSpec` here that is listed in ``LawChoice``.
+To add a law, write it in a file of its own, and add a :class:`LawSpec` here and to ``LawChoice``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a law is made for."""
+    """The pendulum, bounds, initial state and time step that a law is built for."""
 
     pendulum: Any  # a PlanarRmp or a SolidRmp
     bounds: LawBounds
@@ -45,9 +45,9 @@ class Setting:
 
 
 class LawSpec(Section):
-    """What all laws have in common."""
+    """The base of every law's description."""
 
-    needs: ClassVar[Literal["rmp_planar", "rmp_solid"] | None] = None  # the only model it is for
+    needs: ClassVar[Literal["rmp_planar", "rmp_solid"] | None] = None  # the only model it supports
     pivot: ClassVar[bool] = False  # whether the foot is bolted to a pivot, which pulls as well
 
     @abstractmethod
@@ -59,7 +59,7 @@ class LawSpec(Section):
         return np.array((0.0, 0.0, 1.0))
 
     def measures(self, law: Any, v: Array) -> dict[str, float]:
-        """Return what only this law is judged by, from the velocity (nv,) at the end."""
+        """Return the measures that only this law has, from the final velocity (nv,)."""
         return {}
 
 
@@ -89,9 +89,9 @@ class LqrSpec(LawSpec):
     foot: bool = Lqr.foot
     """Whether the foot may give torque; then bounds.polygon is needed."""
     errors: NonEmpty[Positive] | None = None
-    """Largest states wanted (Bryson's rule); see wbc.rmp.balance.lqr for their order."""
+    """Largest acceptable states (Bryson's rule); see wbc.rmp.balance.lqr for their order."""
     efforts: NonEmpty[Positive] | None = None
-    """Largest inputs wanted."""
+    """Largest acceptable inputs."""
 
     def build(self, on: Setting) -> Lqr:
         """Return the law."""
@@ -104,7 +104,7 @@ class LqrSpec(LawSpec):
 
 
 class SwingUpSpec(LawSpec):
-    """Planar: from hanging to upright and held there, the foot bolted to a pivot."""
+    """Planar: swing up from hanging and balance upright, with the foot bolted to a pivot."""
 
     needs = "rmp_planar"
     pivot = True
@@ -116,11 +116,11 @@ class SwingUpSpec(LawSpec):
 
 
 class SpinSpec(LawSpec):
-    """Masses drawn in or out until they spin as wanted, without any torque."""
+    """Move the masses in or out until they spin at the target rate, without any torque."""
 
     type: Literal["spin"]
     spin: Number
-    """Wanted rate of the masses in space [rad/s]."""
+    """Target rate of the masses in space [rad/s]."""
     within: Positive = 1.0
     """Duration of the change [s]."""
     rate: Positive = SpinChange.rate
@@ -131,14 +131,14 @@ class SpinSpec(LawSpec):
         return SpinChange(on.pendulum, on.q, on.v, self.spin, self.within, on.bounds, self.rate)
 
     def leg(self, on: Setting) -> Array:
-        """Return the direction at the start: it stays."""
+        """Return the initial direction, which does not change."""
         com, _ = on.pendulum.com(on.q, np.zeros(len(on.v)))
         leg = com - (*on.q[: len(com) - 1], 0.0)
         leg = leg if len(leg) == 3 else np.array((leg[0], 0.0, leg[1]))
         return np.asarray(leg / np.linalg.norm(leg))
 
     def measures(self, law: Any, v: Array) -> dict[str, float]:
-        """Return how far the spin is off [rad/s]."""
+        """Return the error of the spin [rad/s]."""
         if isinstance(law.model, PlanarRmp):
             return {"spin": abs(float(v[1] + v[3]) - self.spin)}
         # A body that tumbles has spin about the other axes too.
@@ -146,19 +146,19 @@ class SpinSpec(LawSpec):
 
 
 class MomentumQpSpec(LawSpec):
-    """Solid, on a flat foot: capture point and momentum by one quadratic program per tick."""
+    """Solid, on a flat foot: control capture point and momentum with one QP per tick."""
 
     needs = "rmp_solid"
     type: Literal["momentum_qp"]
     com: Point | None = None
-    """Where the CoM rests [m]; left out: above the leg's foot at the start's leg length."""
+    """Position of the CoM at rest [m]; left out: above the leg's foot at the start's leg length."""
 
     def build(self, on: Setting) -> MomentumQp:
         """Return the law."""
         return MomentumQp(on.pendulum, on.bounds, self._com(on), on.lengths[1], dt=on.dt)
 
     def leg(self, on: Setting) -> Array:
-        """Return the direction to where the CoM rests."""
+        """Return the direction to the CoM at rest."""
         from_foot = self._com(on) - (*on.q[:2], 0.0)
         return np.asarray(from_foot / np.linalg.norm(from_foot))
 
@@ -167,7 +167,7 @@ class MomentumQpSpec(LawSpec):
 
 
 class StabiliserSpec(LawSpec):
-    """Solid, on a contact without extent: leg and masses brought to rest by the hip alone."""
+    """Solid, on a point contact: bring leg and masses to rest by the hip torque alone."""
 
     needs = "rmp_solid"
     type: Literal["stabiliser"]

@@ -1,4 +1,4 @@
-"""A pendulum's motion to plan: as a problem file describes it, made, solved and checked."""
+"""Motion planning for a pendulum: the keys in a problem file, and how to build and solve it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from wbc.rotations import rotations_from
 from wbc.tracking.pendulum import RobotPendulum
 from wbc.tracking.reference import DOUBLE
 
-# Moments between two knots, so that curves look like curves.
+# Points drawn per interval between two knots, so that curves look smooth.
 POINTS_PER_INTERVAL = 4
 
 _Durations = Annotated[Size | Two[Size], Forms("seconds, or [least, greatest]")]
@@ -67,7 +67,7 @@ class RectangleSpec(Section):
     """A rectangular sole on the ground, its sides along x and y."""
 
     at: Pair
-    """Middle [x, y] [m]."""
+    """Centre [x, y] [m]."""
     size: Two[Size]
     """Length along x and width along y [m]."""
 
@@ -88,12 +88,12 @@ class HullSpec(Section):
 
 
 class SolesSpec(Section):
-    """The robot's own soles, where they stand in its posture."""
+    """The robot's own soles, at their positions in its posture."""
 
     soles: Name
     """A foot, or double for left and right together."""
     margin: NonNegative = 0.0
-    """How far inside their edge the CoP stays [m]: what is left to correct errors with."""
+    """How far inside their edge the CoP stays [m]: the reserve for correcting errors."""
 
 
 def _support_form(value: Any) -> str | None:
@@ -121,18 +121,18 @@ class PlanPhaseSpec(Section):
     """A phase of the schedule: on one support, or in flight."""
 
     duration: _Durations
-    """How long it lasts [s], or [least, greatest] to choose from."""
+    """Duration [s], or [least, greatest] to let the planner choose."""
     support: _Support
-    """Where the ground may push, or flight."""
+    """The area on which the ground can push, or flight."""
     intervals: Annotated[int, Field(ge=1, le=MOST_INTERVALS)] = PlanPhase.intervals
     """Number of intervals of the collocation."""
     limits: _Limits = Field(default_factory=dict)
-    """What differs from the plan's limits in this phase."""
+    """Limits in this phase that differ from the plan's."""
     end: _State = Field(default_factory=dict)
-    """Components of the state that are given where the phase ends."""
+    """Fixed components of the state at the end of the phase."""
 
     def build(self, name: str, limits: PathLimits, robot: RobotPendulum | None) -> PlanPhase:
-        """Return the phase; ``limits`` are those of the plan.
+        """Return the phase; ``limits`` are the plan's.
 
         Raises
         ------
@@ -174,35 +174,35 @@ def _state(given: Mapping[str, Any], robot: RobotPendulum | None, whole: bool = 
 
 
 class PlanSpec(Section):
-    """A motion to be planned by direct collocation."""
+    """A motion to plan by direct collocation."""
 
     schedule: Annotated[dict[Name, PlanPhaseSpec], Field(min_length=1)]
     """Phases by name, in order of time."""
     start: _State = Field(default_factory=dict)
-    """What is given of the first state. With robot, here and in goal and nominal, what is not given
-    is as in its posture, at rest; [null, null, null] is free."""
+    """Fixed components of the first state. With robot, here and in goal and nominal, components
+    that are left out are those of its posture at rest; [null, null, null] is free."""
     goal: _State = Field(default_factory=dict)
-    """What is given of the last state."""
+    """Fixed components of the last state."""
     nominal: _State = Field(default_factory=dict)
-    """What the cost draws to."""
+    """The state towards which the cost pulls."""
     limits: _Limits = Field(default_factory=dict)
-    """For all phases; a phase's own come on top."""
+    """Limits of all phases; a phase may override some."""
     weights: Annotated[dict[str, Any], KeysOf(Weights)] = Field(default_factory=dict)
-    """Of the cost; each on the square of a quantity, integrated over time."""
+    """Weights of the cost, each on the integral over time of a squared quantity."""
     periodic: Pair | None = None
     """Stride [x, y] [m]: the last state is the first one moved by it."""
     reference: Quaternion | None = None
-    """Orientation that rotations are counted from, a unit quaternion (x, y, z, w). Left out: the
-    world's, or that of the robot's ellipsoid in its posture."""
+    """Orientation relative to which rotations are measured, a unit quaternion (x, y, z, w). Left
+    out: the world's, or that of the robot's ellipsoid in its posture."""
     degree: Annotated[int, Field(ge=DEGREES[0], le=DEGREES[1])] = PlanProblem.degree
     """Degree of the orientation's polynomial in each interval."""
     iterations: Annotated[int, Field(ge=1, le=100_000)] = 100
-    """The most that IPOPT may take."""
+    """Largest number of iterations of IPOPT."""
 
     def build(
         self, pendulum: PlanarRmp | SolidRmp, mistakes: Mistakes, robot: RobotPendulum | None = None
     ) -> Planning:
-        """Return what to plan, for a pendulum that may be a robot's.
+        """Return the planning problem, for a pendulum that may be a robot's.
 
         Raises
         ------
@@ -230,7 +230,7 @@ class PlanSpec(Section):
 
 @dataclass(frozen=True, eq=False)
 class Planning:
-    """A motion to plan, and the most iterations that may be spent on it."""
+    """A planning problem, and the largest number of iterations."""
 
     problem: PlanProblem
     iterations: int
@@ -273,9 +273,9 @@ class Planning:
 
 
 def plan_history(plan: Plan) -> PendulumHistory:
-    """Return a plan's motion in space, at four moments an interval.
+    """Return a plan's motion in space, at four times per interval.
 
-    The leg's foot is the CoP. A planar pendulum is the slice y = 0 of a solid one, and has three
+    The leg's foot is the CoP. A planar pendulum is a solid one in the plane y = 0, and has three
     pairs of masses here too.
     """
     motion = plan.refined(POINTS_PER_INTERVAL)

@@ -1,4 +1,4 @@
-"""A pendulum's problem: checked as a whole, ready to run."""
+"""A pendulum's problem, fully validated and ready to run."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ class PendulumProblem:
     """A reaction mass pendulum under a balance law, or with a motion to plan."""
 
     source: Source  # the file's text and data
-    overrides: Mapping[str, Any]  # what replaces the file's values, by key path
+    overrides: Mapping[str, Any]  # values that replace the file's, by key path
     spec: PendulumSpec  # the validated description
-    parts: Balance | Planning  # what it means: a law with its start, or a planning problem
+    parts: Balance | Planning  # a law with its initial state, or a planning problem
 
     def __repr__(self) -> str:
         return f"PendulumProblem({self.source.name!r}, {self.spec.model!r}, {self.mass:g} kg)"
 
     @property
     def mass(self) -> float:
-        """Of the pendulum [kg]."""
+        """Mass of the pendulum [kg]."""
         if isinstance(self.parts, Planning):
             return self.parts.problem.mass
         return float(self.parts.setting.pendulum.mass)
@@ -48,10 +48,10 @@ class PendulumProblem:
         Parameters
         ----------
         progress:
-            Called now and then with steps done, steps at most, and a mapping with ``time`` [s].
-            Not called by the planner, whose iterations have no known end.
+            Called from time to time with steps done, most steps, and a mapping with ``time`` [s].
+            The planner does not call it, as its number of iterations is not known in advance.
         cancelled:
-            Asked before each step; True ends the simulation there. Not asked by the planner.
+            Called before each step; True ends the simulation. The planner does not call it.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class PendulumProblem:
         return self.parts.run(provenance, progress, cancelled)
 
     def provenance(self) -> dict[str, Any]:
-        """Return the problem's file, text and overrides: what is needed to run it again."""
+        """Return the problem's file, text and overrides, with which it can be run again."""
         return provenance(self.source, self.overrides)
 
 
@@ -105,7 +105,7 @@ def _pendulum(spec: PendulumSpec, mistakes: Mistakes) -> PlanarRmp | SolidRmp:
 def _robot(
     spec: PendulumSpec, choice: str | RobotSpec, folder: Path, mistakes: Mistakes
 ) -> RobotPendulum:
-    """Return the pendulum of the humanoid that a plan is for."""
+    """Return the pendulum that stands for a plan's humanoid."""
     if spec.model != "rmp_solid" or spec.plan is None:
         mistakes.fail(("robot",), "belongs to a plan of model rmp_solid; leave this out")
     for key in ("mass", "gravity"):

@@ -1,4 +1,4 @@
-"""What came of a pendulum's problem: its motion in space, what was measured; and read back."""
+"""The result of a pendulum's problem: its motion in space and measures, saved and loaded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wbc.validate import Array
 
 FORMAT = "wbc pendulum result 1"
 PLACES = ("com", "com_velocity", "foot", "cop", "cmp", "radii", "momentum")  # (n, 3)
-# Of what is measured, by the last words of its name; what is not here has none.
+# Units of measures, by the last words of their names; others have none.
 UNITS = {
     "leg": "rad",
     "leg_rate": "rad/s",
@@ -39,12 +39,12 @@ UNITS = {
 
 
 def unit_of(measure: str) -> str:
-    """Return the unit of what is measured under a name; empty if it has none."""
+    """Return the unit of a measure by its name; empty if it has none."""
     return UNITS.get(measure.removeprefix("margin to "), "")
 
 
 class Support(NamedTuple):
-    """Where the ground may push for a while."""
+    """A support polygon, and the time for which it lasts."""
 
     start: float  # [s]
     end: float  # [s]
@@ -57,11 +57,11 @@ class PendulumHistory:
 
     flat: bool  # whether the pendulum is planar
     time: Array  # (n,) [s]
-    phase: tuple[str, ...]  # what the law or the schedule calls each moment (n,)
+    phase: tuple[str, ...]  # the phase's name in the law or the schedule at each time (n,)
     com: Array  # (n, 3) [m]
     com_velocity: Array  # (n, 3) [m/s]
     foot: Array  # lower end of the leg (n, 3) [m]; NaN in flight
-    # Both NaN in flight, and at the end of a simulation, where nothing is commanded any more.
+    # Both NaN in flight, and at the end of a simulation, where there is no command.
     cop: Array  # where the ground pushes (n, 3) [m]
     cmp: Array  # where its force, moved to the CoM, meets the ground (n, 3) [m]
     radii: Array  # distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0)
@@ -71,12 +71,12 @@ class PendulumHistory:
 
 
 class PendulumStatus(StrEnum):
-    """How it ended.
+    """How a run ended.
 
-    ``COMPLETED``: stood for the whole time, every tolerance met and no bound broken. ``PLANNED``: a
-    plan was found and checked. ``NOT_REACHED``: a tolerance was not met, or a bound was broken on
-    the way. ``PLAN_BROKEN``: the plan found does not stand its check at twice the knots.
-    ``INTERRUPTED``: it was asked to end early. The others: the simulation ended early.
+    ``COMPLETED``: it stood for the whole time, met every tolerance and kept every bound.
+    ``PLANNED``: a plan was found and checked. ``NOT_REACHED``: a tolerance was not met, or a bound
+    was violated on the way. ``PLAN_BROKEN``: the plan violates its limits when checked at twice the
+    knots. ``INTERRUPTED``: it was cancelled. The others: the simulation ended early.
     """
 
     COMPLETED = "completed"
@@ -97,27 +97,27 @@ class PendulumStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PendulumResult:
-    """What came of a pendulum's problem."""
+    """The result of a pendulum's problem."""
 
-    # status and reason: how it ended, and why that is so in words.
+    # status and reason: how it ended, and why in words.
     status: PendulumStatus
     reason: str
-    # What was measured, in SI units. Of a simulation: those that stop.accept can limit, by its
-    # names, and for each bound margin to ..., negative where it was broken.
+    # In SI units. For a simulation: those that stop.accept can limit, under its names, and for each
+    # bound "margin to ...", negative where it was violated.
     measures: Mapping[str, float]
     history: PendulumHistory  # the motion in space
-    arrays: Mapping[str, NDArray[np.generic]]  # what an .npz file holds beside the history
+    arrays: Mapping[str, NDArray[np.generic]]  # further arrays of the .npz file
     provenance: Mapping[str, Any]  # problem text, overrides and versions
 
     def __repr__(self) -> str:
         return f"PendulumResult({self.status.value}, {len(self.history.time)} times)"
 
     def unit(self, name: str) -> str:
-        """Return the unit of what is measured under ``name``; empty if it has none."""
+        """Return the unit of the measure ``name``; empty if it has none."""
         return unit_of(name)
 
     def summary(self) -> dict[str, Any]:
-        """Return everything but the motion as plain data; what ``save`` writes as JSON."""
+        """Return everything but the motion as plain data, which ``save`` writes as JSON."""
         return {
             "format": FORMAT,
             "status": self.status.value,
@@ -129,7 +129,7 @@ class PendulumResult:
     def save(self, path: str | Path) -> None:
         """Write the summary as ``.json``, summary and motion as ``.npz``, or a table.
 
-        Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
+        Errors and guarantees are as for :func:`wbc.run.saving.save_result`.
         """
         save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays}, self._columns)
 
@@ -181,22 +181,22 @@ class PendulumResult:
 
 @dataclass(frozen=True, eq=False)
 class SavedPendulum:
-    """A pendulum's motion, as it was or as its file tells."""
+    """A pendulum's motion and summary, from a result or from its file."""
 
-    name: str  # what to call it
+    name: str  # for titles
     history: PendulumHistory
-    summary: Mapping[str, Any]  # what PendulumResult.summary returned
+    summary: Mapping[str, Any]  # as PendulumResult.summary returns it
 
     @classmethod
     def of(cls, result: PendulumResult, name: str) -> SavedPendulum:
-        """Return what a file with the result would give."""
+        """Return a result as if it were loaded from its file."""
         return cls(name, result.history, result.summary())
 
 
 def pendulum_of(
     path: Path, arrays: Mapping[str, NDArray[Any]], summary: Mapping[str, Any]
 ) -> SavedPendulum:
-    """Return the motion that arrays of a file hold.
+    """Return the motion from a file's arrays.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A pendulum under a balance law: simulated, measured and judged."""
+"""Simulation of a pendulum under a balance law, its measures and its status."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _ENDINGS = {
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """A law, and what it is tried on."""
+    """A law, and the pendulum and pushes to simulate it with."""
 
     spec: LawSpec  # the law's description
     law: BalanceLaw
@@ -53,7 +53,7 @@ class Balance:
         progress: Progress | None = None,
         cancelled: Cancelled | None = None,
     ) -> PendulumResult:
-        """Simulate the law and return what came of it; ``cancelled`` is asked before each step."""
+        """Simulate the law and return the result; ``cancelled`` is called before each step."""
         on, stop = self.setting, self.stop
         total = round(stop.duration / stop.dt)
 
@@ -93,7 +93,7 @@ class Balance:
 def build_balance(
     spec: PendulumSpec, law_spec: LawChoice, pendulum: Pendulum, mistakes: Mistakes
 ) -> Balance:
-    """Return what to simulate.
+    """Return the simulation that a spec describes.
 
     Raises
     ------
@@ -166,13 +166,13 @@ def _verdict(
 
 
 def simulation_history(simulation: Simulation) -> PendulumHistory:
-    """Return a simulation's motion in space, its start and its end included."""
+    """Return a simulation's motion in space, including its first and last state."""
     n = len(simulation.time)
     flat = isinstance(simulation.model, PlanarRmp)
     q, momentum = simulation.q, simulation.momentum()
     com, velocity = (_in_space(each) for each in simulation.com())
     force = _in_space(simulation.ground_force)
-    # One for each step, from its beginning: the end has none.
+    # One for each step, at its beginning; the last state has none.
     pushed = np.flatnonzero(~np.isnan(simulation.cop[:, 0]))
     cop, cmp = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     cop[pushed] = 0.0

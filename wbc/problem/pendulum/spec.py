@@ -1,4 +1,4 @@
-"""A pendulum's problem as its file describes it: a law to simulate, or a motion to plan.
+"""The format of a pendulum's problem file: a law to simulate, or a motion to plan.
 
 Where it starts is made configuration and velocity.
 """
@@ -49,7 +49,7 @@ _Polygon = Annotated[
 
 
 class RatesSpec(Section):
-    """How fast a pendulum moves at the start."""
+    """Initial rates of a pendulum."""
 
     theta: Number = 0.0
     """Rate of the leg's angle theta [rad/s]."""
@@ -63,7 +63,7 @@ class RatesSpec(Section):
 
 
 class PendulumStartSpec(Section):
-    """Where a pendulum starts; upright and at rest unless said otherwise."""
+    """Initial state of a pendulum; upright and at rest by default."""
 
     leg_length: Size
     """Length of the leg [m]."""
@@ -81,7 +81,7 @@ class PendulumStartSpec(Section):
     rpy: Point = (0.0, 0.0, 0.0)
     """Orientation of the masses, roll, pitch, yaw [rad]; solid only."""
     rates: RatesSpec = RatesSpec()
-    """How fast it moves."""
+    """Initial rates."""
 
     def state(self, model: PlanarRmp | SolidRmp) -> tuple[Array, Array]:
         """Return (q, v) of a pendulum.
@@ -89,8 +89,8 @@ class PendulumStartSpec(Section):
         Raises
         ------
         Misplaced
-            What only the other kind of pendulum has, neither or both of inertia and radii, or
-            moments of inertia that no masses have.
+            A key of the other kind of pendulum, neither or both of inertia and radii, or moments of
+            inertia that no masses can have.
         """
         given = {"inertia": self.inertia, "radii": self.radii}
         found = {key: value for key, value in given.items() if value is not None}
@@ -130,40 +130,40 @@ class PendulumStartSpec(Section):
 
 
 class BlowSpec(Section):
-    """A blow to the CoM: its velocity jumps."""
+    """An impulse on the CoM, whose velocity jumps."""
 
     time: NonNegative
-    """When [s]."""
+    """Time of the impulse [s]."""
     impulse: Annotated[ListOf[Number], Field(min_length=2, max_length=3)]
     """[N s], up last: [x, z] (planar) or [x, y, z] (solid)."""
 
 
 class PlantSpec(Section):
-    """A pendulum that is not quite what the law believes."""
+    """How the simulated pendulum differs from the law's model."""
 
     mass: Positive = 1.0
     """Factor on the mass; the masses' distances stay, so the inertia is scaled too."""
 
 
 class AcceptSpec(Section):
-    """What must hold at the end of a simulation, besides the bounds on the way."""
+    """Tolerances at the end of a simulation; the bounds apply at all times."""
 
     leg: Positive | None = None
-    """Angle of the leg from where it should be [rad]."""
+    """Angle of the leg from its target [rad]."""
     leg_rate: Positive | None = None
     """Its rate [rad/s]."""
     wheel_rate: Positive | None = None
     """Rate of the masses: relative to the leg (planar), in space (solid) [rad/s]."""
     spin: Positive | None = None
-    """Difference of the masses' spin from the one wanted by a spin law [rad/s]."""
+    """Difference of the masses' spin from a spin law's target [rad/s]."""
     worst_leg: Positive | None = None
-    """Largest angle of the leg from where it should be, at any time [rad]."""
+    """Largest angle of the leg from its target, at any time [rad]."""
 
 
 class PendulumStopSpec(Section):
-    """How long a simulation runs, and what counts as success.
+    """Duration of a simulation, and the criteria of success.
 
-    Success is to stand until then, within bounds, and accept.
+    Success is to stand until the end, within the bounds, and to meet the tolerances of accept.
     """
 
     duration: Positive = 5.0
@@ -180,30 +180,30 @@ class PendulumSpec(Section):
     version: Literal[1] = 1
     """Version of this format."""
     model: Literal["rmp_planar", "rmp_solid"]
-    """Which pendulum."""
+    """The model of the pendulum."""
     mass: Size | None = None
-    """All of its mass [kg]; that of the robot if there is one."""
+    """Total mass [kg]; with robot, left out: it is the robot's."""
     robot: RobotChoice | None = None
-    """The humanoid that the plan is for: its mass, its start at rest, its soles. A name that
-    `wbc robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
+    """The humanoid to plan for, which gives mass, initial state at rest and soles. A name that `wbc
+    robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
     posture: Name = "standing"
-    """The robot's posture in which the plan begins."""
+    """The robot's posture at the start of the plan."""
     gravity: NonNegative = STANDARD_GRAVITY
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None
-    """Where it starts, under a law."""
+    """Initial state, with a law."""
     bounds: Annotated[dict[str, Any], KeysOf(LawBounds, polygon=_Polygon, torsion=bool)] = Field(
         default_factory=dict
     )
-    """What it may do, under a law, which respects it; the simulation judges by it."""
+    """Bounds that a law respects, and by which the simulation is judged."""
     law: LawChoice | None = None
     """The balance law to simulate; this or plan."""
     pushes: ListOf[BlowSpec] = ()
-    """Blows to the CoM, under a law."""
+    """Impulses on the CoM, with a law."""
     plant: PlantSpec = PlantSpec()
-    """What moves instead of the pendulum that the law believes in."""
+    """The simulated pendulum, where it differs from the law's model."""
     stop: PendulumStopSpec = PendulumStopSpec()
-    """When the simulation ends, and what counts as success."""
+    """End of the simulation, and criteria of success."""
     plan: PlanSpec | None = None
     """The motion to plan; this or law."""
 
