@@ -53,7 +53,7 @@ FOLDER = ROOT / "docs" / "pictures"
 # A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
 MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
-# What benchmarks/walk_comparison.py left, what it compares, and directions of pushes [deg].
+# Results of benchmarks/walk_comparison.py, its variants, and directions of pushes [deg].
 MEASUREMENTS = ROOT / "benchmarks" / "walk_comparison.jsonl"
 VARIANTS = {"free": style.GREY, "regulated": style.ORANGE, "planned": style.BLUE}
 # Likewise of benchmarks/walk_ablation.py, and how bounds of a pendulum are drawn over its bars.
@@ -77,7 +77,7 @@ def shipped(problem: str) -> Any:
 
 
 def place(name: str) -> Path:
-    """Return the file of a picture."""
+    """Return the path of a picture."""
     return FOLDER / f"{name}.png"
 
 
@@ -103,7 +103,7 @@ def run_picture(name: str, view: View | None = None) -> None:
 
 
 def ends_picture(name: str, members: Mapping[str, str]) -> None:
-    """Draw where problems of one robot begin, and where each ends."""
+    """Draw the start of some problems of one robot, and the end of each."""
     problems = {k: shipped(problem) for k, problem in members.items()}
     robot = next(iter(problems.values())).parts.robot
     runs = {k: read_history(robot, problem.run().history) for k, problem in problems.items()}
@@ -150,7 +150,7 @@ def exposures_picture(name: str, moments: Mapping[str, float], view: str) -> Non
 
 
 def footsteps_picture(name: str) -> None:
-    """Draw a walk on footsteps at some moments, and from above where feet landed."""
+    """Draw a walk on footsteps at some moments, and its landing places from above."""
     problem = shipped(name)
     result, start = problem.simulate(), problem.parts.robot.snapshot(problem.parts.start)
     given = [one.footstep for one in problem.spec.gait.footsteps]
@@ -182,7 +182,7 @@ def footsteps_picture(name: str) -> None:
 
 
 def comparison_picture(name: str) -> None:
-    """Draw what benchmarks/walk_comparison.py has measured."""
+    """Draw the measurements of benchmarks/walk_comparison.py."""
     rows = [json.loads(line) for line in MEASUREMENTS.read_text().splitlines()[1:]]
     walks = [row for row in rows if row["group"] == "walk"]
     pushes = [row for row in rows if row["group"] == "push"]
@@ -228,7 +228,7 @@ def _survived(rows: Sequence[Mapping[str, Any]], variant: str, angle: float) -> 
 
 
 def ablation_picture(name: str) -> None:
-    """Draw what benchmarks/walk_ablation.py has measured, and the bounds of walk_bounds.py."""
+    """Draw the measurements of benchmarks/walk_ablation.py, and the bounds of walk_bounds.py."""
     rows = [json.loads(line) for line in ABLATION_FILE.read_text().splitlines()[1:]]
     survived, bounds = means(rows), bounds_of("g1")
     sides, phases = list(SIDES), sorted({row["phase"] for row in rows})
@@ -265,7 +265,7 @@ def shiko_picture(name: str) -> None:
 
 
 def measured_picture(name: str) -> None:
-    """Draw the shiko of a simulation as `wbc analyze` does, with the CoP as measured."""
+    """Draw the shiko of a simulation as `wbc analyze` does, with the measured CoP."""
     draw_analysis(
         name,
         name,

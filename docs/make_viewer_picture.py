@@ -21,12 +21,12 @@ PORT, LOADED, SETTLED = 8123, 60_000, 20_000  # ms: slow where the page is drawn
 WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WIDTH, HEIGHT, SCALE = 1100, 640, 1.4
 MIDDLE = (0.5 * WIDTH, 0.5 * HEIGHT)  # where the robot's middle is drawn at first
-# The page says that it is drawn in software, which is not what the picture is about.
+# The page warns about software rendering, which does not belong in the picture.
 DISMISS = "document.querySelectorAll('[class*=Notification]').forEach(one => one.remove())"
 
 
 class Shot(NamedTuple):
-    """A picture of the page: what is done there, how near, and what is kept [pixels]."""
+    """A picture of the page: the actions on it, the zoom, and the crop [pixels]."""
 
     problem: str
     left: float
@@ -36,12 +36,12 @@ class Shot(NamedTuple):
 
 
 def look(page: Any) -> None:
-    """Do nothing but wait for the robot to arrive."""
+    """Only wait for the robot to arrive."""
     page.wait_for_timeout(SETTLED)
 
 
 def steer(page: Any) -> None:
-    """Want 1.9 times the vertical inertia."""
+    """Set the target of the vertical inertia to 1.9 times."""
     page.get_by_role("tab", name="Steer").click()
     row = page.locator("label:text-is('zz times')").locator("xpath=ancestor::*[.//input][1]")
     box = row.locator("input").last
@@ -52,7 +52,7 @@ def steer(page: Any) -> None:
 
 
 def pull(page: Any) -> None:
-    """Pull at the trunk, to the robot's left."""
+    """Pull the trunk to the robot's left."""
     x, y = MIDDLE[0], MIDDLE[1] - 0.16 * HEIGHT
     page.mouse.move(x, y)
     page.wait_for_timeout(3_000)

@@ -1,8 +1,8 @@
-"""Run the notebooks of the documentation, and keep what they show.
+"""Run the notebooks of the documentation, and keep their outputs.
 
     python -m docs.run_notebook docs/notebooks/inertia.ipynb ...
 
-A test runs them, too, and compares what is printed.
+A test runs them, too, and compares the printed text.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def run(path: Path) -> Any:
 
 
 def printed(notebook: Any) -> list[str]:
-    """Return what the cells print, pictures and tables left out."""
+    """Return the printed text of the cells, without pictures and tables."""
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     return ["".join(output["text"]) for output in outputs if output["output_type"] == "stream"]
 

@@ -1,4 +1,4 @@
-"""What pictures show: the problems that are side by side, and the moments of a motion [s]."""
+"""Subjects of pictures: problems shown side by side, and moments of a motion [s]."""
 
 FIG6 = {
     "a: all large": "fig6a_g1",
