@@ -15,7 +15,7 @@ from wbc.shaping import multi_start as multi_start_module
 from wbc.shaping.basin_hopping import ELITE, Elite
 from wbc.shaping.evaluation import SAME_POSTURE, merge_duplicates
 from wbc.shaping.multi_start import ENOUGH_ZEROS, HOP_LAG, ZERO_COST, StoppingRule
-from wbc.shaping.outcome import Candidate, Kept, Rejected
+from wbc.shaping.outcome import Candidate, ConstraintMargins, Rejected
 from wbc.tasks import AxisTask, InertiaTask
 
 LIMBS, LIMIT = 12, 3.0  # rad
@@ -114,7 +114,7 @@ class Scripted:
         cost = float(self.costs[number])
         if not np.isfinite(cost):
             return Rejected(number, "none", "none")
-        kept = Kept(0.0, 1.0, None, None, ())
+        kept = ConstraintMargins(0.0, 1.0, None, None, ())
         q = np.concatenate(([0, 0, 0, 0, 0, 0, 1.0], np.full(25, 0.1 * number)))
         return Candidate(q, cost, {}, kept, "ok", True, 1, (number,))
 

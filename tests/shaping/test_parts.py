@@ -14,15 +14,15 @@ from wbc.robot.collision import Obstacle
 from wbc.shaping.evaluation import IPOPT_TOLERANCES, kept_constraints, violations
 from wbc.shaping.motion import GuidingTasks, worst_violations
 from wbc.shaping.nlp import BuiltNlp, build_nlp
-from wbc.shaping.outcome import Candidate, Kept
+from wbc.shaping.outcome import Candidate, ConstraintMargins
 from wbc.shaping.problem import ShapingProblem
 from wbc.shaping.separation import ActivePairs
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
-KEPT = Kept(0.0, 1.0, None, None, ())
+KEPT = ConstraintMargins(0.0, 1.0, None, None, ())
 
 
-def candidate(q: np.ndarray, cost: float = 1.0, kept: Kept = KEPT) -> Candidate:
+def candidate(q: np.ndarray, cost: float = 1.0, kept: ConstraintMargins = KEPT) -> Candidate:
     return Candidate(q, cost, {}, kept, "ok", True, 1, (0,))
 
 

@@ -14,7 +14,7 @@ from wbc.constraints import Limits, support
 from wbc.robot import Robot
 from wbc.shaping.basin_hopping import BasinHopping
 from wbc.shaping.nlp import BuiltNlp, build_nlp
-from wbc.shaping.outcome import Candidate, Kept
+from wbc.shaping.outcome import Candidate, ConstraintMargins
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.shaping.starts import Sampling, make_starts, uniform_rotation
 from wbc.tasks import InertiaTask
@@ -113,7 +113,9 @@ def elite_of(robot: Robot, rng: np.random.Generator, count: int) -> list[Candida
         q = robot.posture()
         q[7:] = rng.uniform(lower, upper)
         q[:3] = rng.normal(size=3)
-        found.append(Candidate(q, 1.0, {}, Kept(0, 1, None, None, ()), "ok", True, 1, (number,)))
+        found.append(
+            Candidate(q, 1.0, {}, ConstraintMargins(0, 1, None, None, ()), "ok", True, 1, (number,))
+        )
     return found
 
 

@@ -11,7 +11,7 @@ from wbc.constraints import ComSupport
 from wbc.constraints.margin import SKIN, Margin
 from wbc.robot import Robot, Snapshot
 from wbc.shaping.nlp import BuiltNlp, LocalOptimum, Start
-from wbc.shaping.outcome import Candidate, Kept, Rejected
+from wbc.shaping.outcome import Candidate, ConstraintMargins, Rejected
 from wbc.shaping.problem import ShapingProblem, posture_cost, posture_errors
 from wbc.validate import Array, read_only
 
@@ -110,7 +110,9 @@ def violations(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
     return found
 
 
-def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Tolerances) -> Kept:
+def kept_constraints(
+    problem: ShapingProblem, snapshot: Snapshot, allowed: Tolerances
+) -> ConstraintMargins:
     """Return how well a posture keeps the constraints, and which it violates beyond tolerances."""
     off = _contact_errors(problem, snapshot)
     broken = [
@@ -142,7 +144,7 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
         broken += [
             f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in beyond[:NAMED_PAIRS]
         ]
-    return Kept(
+    return ConstraintMargins(
         max(off.values(), default=0.0),
         float(inside.min(initial=np.inf)),
         min(least[True], default=None),

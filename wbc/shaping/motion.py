@@ -19,7 +19,7 @@ from wbc.minimum_jerk import PEAK, minimum_jerk
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
 from wbc.shaping.evaluation import Tolerances, kept_constraints, violations
-from wbc.shaping.outcome import Attempt, Candidate, Kept, ShapingMotion, ShapingOutcome
+from wbc.shaping.outcome import Attempt, Candidate, ConstraintMargins, ShapingMotion, ShapingOutcome
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.tasks import ComTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, read_only
@@ -219,7 +219,7 @@ class PostureReach:
 
 def worst_violations(
     problem: ShapingProblem, states: Sequence[Snapshot], dt: float
-) -> tuple[Kept, str]:
+) -> tuple[ConstraintMargins, str]:
     """Return the worst value of every constraint over a motion, and the first violation, if any.
 
     Violations of the current posture may not grow on the way, nor remain at the end.
@@ -235,7 +235,7 @@ def worst_violations(
     first = f"at {faults[0][0] * dt:.2f} s: {faults[0][1]}" if faults else ""
     supports = [kept.support for kept in every if kept.support is not None]
     clearances = [kept.clearance for kept in every if kept.clearance is not None]
-    worst = Kept(
+    worst = ConstraintMargins(
         contact=max(kept.contact for kept in every),
         limit=min(kept.limit for kept in every),
         support=min(supports, default=None),

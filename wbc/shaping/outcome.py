@@ -15,7 +15,7 @@ class NoPostureError(WbcError):
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class ConstraintMargins:
     """How well a posture meets the constraints, computed with Pinocchio.
 
     Attributes
@@ -64,7 +64,7 @@ class Candidate:
     q: Array
     cost: float
     errors: Mapping[str, Array]
-    kept: Kept
+    kept: ConstraintMargins
     status: str
     optimal: bool
     iterations: int
@@ -216,7 +216,7 @@ class ShapingMotion:
     v: Array
     cost: Array
     candidate: Candidate
-    kept: Kept
+    kept: ConstraintMargins
     arrived: bool
     at_rest: bool
     attempts: tuple[Attempt, ...]

@@ -1,4 +1,4 @@
-"""What every balance law is: bounds and a pendulum's state in, generalised forces out."""
+"""The interface of balance laws: from bounds and a pendulum's state to generalised forces."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ Pendulum = PlanarRmp | SolidRmp
 
 @dataclass(frozen=True, eq=False)
 class LawBounds:
-    """Limits that a balance law respects and a simulation judges by.
+    """Limits that a balance law respects and that a simulation checks.
 
     Parameters
     ----------
     polygon:
         Support polygon on the ground, world axes: corners (k, 2) [m], anticlockwise, for a solid
-        pendulum; (least x, greatest x) (2,) for a planar one. None: a foot without extent, so the
-        CoP stays where the leg stands.
+        pendulum; (least x, greatest x) (2,) for a planar one. None: a point foot, so the CoP stays
+        at the leg's foot.
     cop_margin:
-        How far inside the polygon laws keep the CoP [m]; it is judged by the polygon itself. It
-        pays for what the CoP moves while a command is held, and for errors: a torque at the ankle
-        that is wrong by less than ``cop_margin`` M g does not tip a real foot. Of the push that a
-        standing pendulum absorbs it costs M omega ``cop_margin``.
+        How far inside the polygon laws keep the CoP [m]; simulations check the polygon itself. It
+        covers the CoP's motion while a command is held, and errors: a torque at the ankle that is
+        wrong by less than ``cop_margin`` M g does not tip a real foot. It reduces the push that a
+        standing pendulum absorbs by M omega ``cop_margin``.
     friction:
         Largest |horizontal| / vertical ground force, > 0.
     torsion:
-        Whether the law of pushes also keeps the ground's torque about the vertical within what
-        friction at the corners of a rectangle holds: for real soles, which else are turned away
-        where they are loaded at a corner. The CoP then may alternate by millimetres from command to
-        command. It is not judged, and all other laws refuse it.
+        Whether the law for pushes also limits the ground's torque about the vertical to that of
+        friction at the corners of a rectangle: for real soles, which would else turn when loaded at
+        a corner. The CoP may then alternate by millimetres between commands. Simulations do not
+        check it, and all other laws refuse it.
     leg_force:
-        (least, greatest) force along the leg [N]; a leg that only pushes has 0 as the least.
+        (least, greatest) force along the leg [N]; the least is 0 for a leg that can only push.
     leg_length:
         (least, greatest) length of the leg [m], > 0.
     wheel_torque:
         Greatest torque between leg and masses about each axis of the masses [N m], > 0.
     wheel_angle:
-        Greatest angle of the masses from where they rest, about each axis [rad], > 0.
+        Greatest angle of the masses from their rest position, about each axis [rad], > 0.
     wheel_rate:
         Greatest rate of that angle [rad/s], > 0.
     radius:
@@ -65,7 +65,7 @@ class LawBounds:
     Raises
     ------
     InvalidInputError
-        Numbers that are no limits: not finite where they must be, or in the wrong order.
+        Invalid limits: not finite where they must be, or in the wrong order.
     """
 
     polygon: ArrayLike | None = None
@@ -91,7 +91,7 @@ class LawBounds:
 
 
 def refuse_torsion(bounds: LawBounds, law: object) -> None:
-    """Refuse to leave out what was asked for: for laws that cannot keep ``torsion``.
+    """Raise an error if ``torsion`` is set, for laws that do not support it.
 
     Raises
     ------
@@ -117,16 +117,16 @@ def _support(polygon: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PendulumCommand:
-    """What a law wants now.
+    """A balance law's command.
 
-    In ``force``, ``tau_theta`` and ``tau_phi`` hold the reaction of the wheel's torque on the leg
-    and what the foot gives.
+    In ``force``, ``tau_theta`` and ``tau_phi`` are the sum of the reaction of the wheel's torque on
+    the leg and of the foot's torque.
     """
 
     force: Array  # generalised forces f (nf,) in the pendulum's order [N, N m]
     cop_acceleration: Array  # of the leg's foot on the ground (1,) or (2,) [m/s^2]
-    phase: str = "run"  # the part of the law at work, in one word, such as "lean" or "catch"
-    ok: bool = True  # False if the law could not keep its own promise
+    phase: str = "run"  # the active part of the law in one word, such as "lean" or "catch"
+    ok: bool = True  # False if the law could not meet its own goal
     note: str = ""  # why not; one line for the user, or empty
 
 
@@ -135,10 +135,10 @@ class BalanceLaw(Protocol):
 
     @property
     def model(self) -> Pendulum:
-        """The pendulum that the law believes it controls."""
+        """The law's model of the pendulum."""
 
     def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
-        """Return what to do at configuration q (nq,), velocity v (nv,) and time [s].
+        """Return the command at configuration q (nq,), velocity v (nv,) and time [s].
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """Verification of a plan: dynamics and limits, independently of the programme and on a finer grid.
 
-Of the programme only the motion is used: limits are read from the problem, and each interval is
+Only the motion is taken from the programme: limits are read from the problem, and each interval is
 integrated again, from its left knot, under the plan's ground force, CoP and moment.
 """
 
@@ -37,7 +37,7 @@ _UNITS = {
     "moment": "N m",
 }
 _TIGHT = 1e-12  # of the integration, relative and absolute
-_MOST_RATES = 20_000  # evaluations in an interval; plans in order take some hundreds
+_MOST_RATES = 20_000  # evaluations in an interval; sound plans take some hundreds
 
 
 class _TooStiff(Exception):
@@ -46,7 +46,7 @@ class _TooStiff(Exception):
 
 @dataclass(frozen=True)
 class Excess:
-    """How far a limit of a phase is exceeded at the worst moment; negative is a margin."""
+    """Largest excess over a limit in a phase; negative is a margin."""
 
     phase: str
     quantity: str
@@ -63,7 +63,7 @@ class Excess:
 
 @dataclass(frozen=True)
 class Check:
-    """Verdict on a plan.
+    """The result of checking a plan.
 
     The defect of a state is the largest difference between the plan at a right knot and integration
     from the left one.
@@ -72,7 +72,7 @@ class Check:
     defects: dict[str, float]  # by state, SI units (orientation in rad)
     limits: tuple[Excess, ...]  # worst moment of each in each phase, goal, period; the worst first
     drift: float  # largest change of k_G within a flight [kg m^2/s]; zero if there is none
-    lost_contact: tuple[str, ...]  # stances in which the ground is hardly pushed on at some moment
+    lost_contact: tuple[str, ...]  # stances with hardly any ground force at some time
 
     @property
     def defect(self) -> float:
@@ -96,7 +96,7 @@ class Check:
         return met and not self.violations and not self.lost_contact
 
     def report(self) -> str:
-        """Return lines for the user."""
+        """Return a report in lines of text."""
         drift = f"drift of k_G in flight {self.drift:.2g} kg m^2/s"
         lines = [f"largest defect of the dynamics {self.defect:.2g}, {drift}"]
         lines += [str(each) for each in self.violations] or ["no limit is exceeded"]
@@ -105,7 +105,7 @@ class Check:
 
 
 def check(plan: Plan, factor: int = 2) -> Check:
-    """Evaluate a plan at ``factor`` points an interval, and integrate it again.
+    """Evaluate a plan at ``factor`` points per interval, and integrate it again.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
 
 
 def _ends(plan: Plan) -> list[Excess]:
-    """Return how far the goal and the period are missed."""
+    """Return the errors at the goal and of the period."""
     problem, knots = plan.problem, plan.knots
     out = []
     for where, k, state in problem.waypoints:
@@ -195,7 +195,7 @@ def _ends(plan: Plan) -> list[Excess]:
 
 
 def _missed_angle(reference: Sequence[float], state: State, there: Array) -> float:
-    """Return the angle [rad] between an orientation and the one that is given."""
+    """Return the angle [rad] between an orientation and the given one."""
     away = Rotation.from_quat(reference).inv() * Rotation.from_quat(there)
     rotation = state.rotation or ()
     if None in rotation:
@@ -235,7 +235,7 @@ def _defects(plan: Plan) -> dict[str, float]:
 def _integrated(plan: Plan, i: int) -> dict[str, Array] | None:
     """Return the state at knot i + 1, integrated from knot i under linear controls.
 
-    None if that cannot be done: absurd forces make the motion stiff beyond any use.
+    None if that takes too many steps: absurd forces make the motion too stiff.
     """
     knots, mass = plan.knots, plan.problem.mass
     h = float(knots.time[i + 1] - knots.time[i])

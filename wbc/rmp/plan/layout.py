@@ -1,4 +1,4 @@
-"""The variables of a plan's programme: where each number stands, and in which unit."""
+"""The variables of a plan's programme: the index and the unit of each."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MIRRORED = ("radii", "radii_rates", "radii_accelerations")
 
 @dataclass(frozen=True, eq=False)
 class PhaseLayout:
-    """Places of one phase's variables; its first state is the last one of the phase before."""
+    """Indices of one phase's variables; its first state is the last one of the phase before."""
 
     named: Mapping[str, Indices]  # of states, then controls, by name (knots, size)
     inner: Indices  # of the orientation at the inner nodes (intervals, degree - 1, 3)
@@ -41,12 +41,12 @@ class PhaseLayout:
 
     @property
     def knots(self) -> Indices:
-        """Places of state and controls at each knot (knots, nz)."""
+        """Indices of state and controls at each knot (knots, nz)."""
         return np.hstack(list(self.named.values()))
 
     @property
     def intervals(self) -> Indices:
-        """Places of each interval's variables (nz, intervals), in the order of Motion.z."""
+        """Indices of each interval's variables (nz, intervals), in the order of Motion.z."""
         knots, count = self.knots, len(self.inner)
         last = np.full((count, 1), self.duration)
         return np.hstack((knots[:-1], knots[1:], self.inner.reshape(count, -1), last)).T
@@ -54,14 +54,14 @@ class PhaseLayout:
 
 @dataclass(frozen=True, eq=False)
 class PlanLayout:
-    """Places of all ``count`` variables, by phase."""
+    """Indices of all ``count`` variables, by phase."""
 
     phases: tuple[PhaseLayout, ...]
     count: int
 
 
 def lay_out(problem: PlanProblem) -> PlanLayout:
-    """Return the places of a problem's variables, phase by phase, knot by knot."""
+    """Return the indices of a problem's variables, phase by phase, knot by knot."""
     count = 0
 
     def new(*shape: int) -> Indices:
@@ -77,7 +77,7 @@ def lay_out(problem: PlanProblem) -> PlanLayout:
         for name, size in controls_of(phase.flies).items():
             named[name] = new(phase.intervals + 1, size)
         if phase.flies:
-            # What no force changes is one variable: it cannot drift.
+            # A quantity that no force changes is one variable, so that it cannot drift.
             named["momentum"][:] = named["momentum"][0]
         if problem.plane:
             for name in set(named) & set(_MIRRORED):
@@ -85,7 +85,7 @@ def lay_out(problem: PlanProblem) -> PlanLayout:
         inner = new(phase.intervals, problem.degree - 1, 3)
         phases.append(PhaseLayout(named, inner, int(new(1)[0])))
         last = states[-1:]
-    # Numbered anew, without the places that shared variables left empty.
+    # Renumbered without the gaps that shared variables left.
     used = np.unique(
         np.hstack([x for p in phases for x in (p.knots.ravel(), p.inner.ravel(), p.duration)])
     )

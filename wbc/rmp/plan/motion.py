@@ -1,9 +1,8 @@
-"""The solid pendulum over one interval of time as polynomials, symbolic: what collocation needs.
+"""The solid pendulum over one interval of time as symbolic polynomials, for collocation.
 
 The ground force, CoP, moment about the vertical and the masses' accelerations are linear in time.
 So the motion of the CoM and of the radii is cubic, and k_G of degree five: they are integrated in
-closed form, which is what collocation of their degree comes to. Only the orientation is
-collocated,
+closed form, which equals collocation of their degree. Only the orientation is collocated,
 
     sigma' = 1/4 B(sigma) I(r)^-1 R(sigma)^T k_G
     B = (1 - |sigma|^2) 1 + 2 [sigma]x + 2 sigma sigma^T

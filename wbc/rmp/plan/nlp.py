@@ -2,7 +2,7 @@
 
 Each block is one small function of few variables and the places of its copies among all variables.
 Its gradient, Jacobian and Hessian are derived once, symbolically, and scattered into sparse ones:
-no graph of the whole programme is ever differentiated, which is what makes a cold start quick.
+no graph of the whole programme is ever differentiated, which makes a cold start fast.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class PlanNlp:
-    """min f(w) subject to bounds on g(w); all Functions of (w, p), p empty, as IPOPT wants them."""
+    """min f(w) subject to bounds on g(w); all Functions of (w, p), p empty, as IPOPT expects."""
 
     w: ca.MX
     f: ca.MX
@@ -150,7 +150,7 @@ def elastic(nlp: PlanNlp, rows: Indices, price: float) -> PlanNlp:
 
 
 def _matrix(entries: Sequence[_Entry], shape: tuple[int, int]) -> ca.MX:
-    """Return the sparse matrix of all entries, those in one place added."""
+    """Return the sparse matrix of all entries; those at one index are added."""
     rows = np.concatenate([row.ravel(order="F") for row, _, _ in entries])
     columns = np.concatenate([column.ravel(order="F") for _, column, _ in entries])
     values = ca.vertcat(*(part[2].nz[:] for part in entries if part[2].nnz()))

@@ -32,10 +32,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The motion at n moments; vectors in world axes unless said otherwise. Read-only."""
+    """The motion at n times; vectors in world axes unless stated otherwise. Read-only."""
 
     time: Array  # (n,) [s]
-    phase: NDArray[np.int64]  # (n,) places in the schedule
+    phase: NDArray[np.int64]  # (n,) indices in the schedule
     com: Array  # c (n, 3) [m]
     com_velocity: Array  # c' (n, 3) [m/s]
     com_acceleration: Array  # c'' (n, 3) [m/s^2]
@@ -59,14 +59,14 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Stats:
-    """Size of the programme and what IPOPT did with it."""
+    """Size of the programme, and IPOPT's statistics."""
 
     variables: int
     constraints: int
     iterations: int
     seconds: float  # CPU time [s] of setting up and solving
     cost: float
-    status: str  # IPOPT's verdict
+    status: str  # IPOPT's status
     warm: bool  # whether an earlier plan was the start
 
 
@@ -92,32 +92,32 @@ class Plan:
 
     @cached_property
     def durations(self) -> Array:
-        """Of the phases [s] (phases,)."""
+        """Durations of the phases [s] (phases,)."""
         unit = units_of(self.problem)["time"]
         places = [phase.duration for phase in self.layout.phases]
         return read_only(self.solution[places] * unit)
 
     @cached_property
     def starts(self) -> Array:
-        """When each phase begins, and last the end of the plan [s] (phases + 1,)."""
+        """Start times of the phases, then the end of the plan [s] (phases + 1,)."""
         return read_only(np.array(list(accumulate(self.durations.tolist(), initial=0.0))))
 
     @property
     def duration(self) -> float:
-        """Of the whole plan [s]."""
+        """Duration of the whole plan [s]."""
         return float(self.starts[-1])
 
     @cached_property
     def knots(self) -> Trajectory:
         """The motion at the knots.
 
-        Where a phase ends, the first knot of the next one follows: this time is there twice, before
-        and after forces jump.
+        The end of a phase and the start of the next are two knots at one time, before and after
+        forces jump.
         """
         return self.refined(1)
 
     def refined(self, factor: int) -> Trajectory:
-        """Return the motion at ``factor`` equal parts of each interval; as :attr:`knots`.
+        """Return the motion at ``factor`` equal parts of each interval, as in :attr:`knots`.
 
         Raises
         ------
@@ -140,7 +140,7 @@ class Plan:
     def at(self, time: ArrayLike) -> Trajectory:
         """Return the motion at times (n,) or one time, as a trajectory of n or one moments.
 
-        Where a phase ends, the next one counts.
+        At the end of a phase it is that of the next one.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class Plan:
     def _sampled(
         self, time: Array, phase: NDArray[np.int64], interval: NDArray[np.int64], part: Array
     ) -> Trajectory:
-        """Return the motion at parts 0..1 of intervals of phases."""
+        """Return the motion at fractions 0..1 of intervals of phases."""
         columns = np.empty((sum(_SAMPLED.values()), len(time)))
         for k, sample in enumerate(self._samplers):
             chosen = np.flatnonzero(phase == k)
@@ -184,7 +184,7 @@ class Plan:
         return Trajectory(time=time, phase=phase, **parts)
 
 
-# What a sampler returns, in its order, with sizes.
+# Outputs of a sampler in order, with their sizes.
 _SAMPLED = {
     each.name: {"orientation": 4, "cop": 2, "cop_velocity": 2, "moment": 1}.get(each.name, 3)
     for each in fields(Trajectory)

@@ -28,8 +28,8 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.tol": 1e-8,
     "ipopt.constr_viol_tol": 1e-9,
     "ipopt.bound_relax_factor": 1e-10,
-    # Goes to the restoration phase early: a plan that exists is found as soon, and the verdict
-    # that there is none takes a third of the time.
+    # Enters the restoration phase early: plans are found as fast, and infeasibility in a third of
+    # the time.
     "ipopt.expect_infeasible_problem": "yes",
 }
 _WARM: dict[str, Any] = {
@@ -44,16 +44,16 @@ _WARM: dict[str, Any] = {
 # Cost of violating a scaled row by one, against costs of order one.
 _VIOLATION_COST = 1000.0
 _DIAGNOSIS = 120  # iterations
-_LARGEST_DEFECT = 1e-3  # defect above which an attempt is no motion, SI
+_LARGEST_DEFECT = 1e-3  # attempts with larger defects are not reported as motions, SI
 _SHOWN = 5  # violations in an error's message
 
 
 class PlanError(WbcError):
-    """No plan was found; ``status`` is IPOPT's verdict.
+    """No plan was found; ``status`` is IPOPT's status.
 
     ``attempt`` is the motion that meets the dynamics and violates limits and goal least (sum of
-    squares in the problem's units), and ``violations`` what it exceeds, the worst first. Small ones
-    everywhere tell of a search that failed rather than of a contradiction.
+    squares in the problem's units), and ``violations`` are its excesses, the worst first. If all
+    are small, the search failed rather than that limits contradict each other.
     """
 
     def __init__(self, status: str, violations: Sequence[Excess], attempt: Plan) -> None:
@@ -85,14 +85,14 @@ def solve(
 ) -> Plan:
     """Return a locally optimal plan, from a straight-line guess or from ``warm``.
 
-    That is a plan of a problem with the same phases in the same order; numbers may differ. With the
-    same number of rows too it gives the multipliers as well. ``verbose`` prints the size, IPOPT's
-    iterations and the verdict; IPOPT may take ``iterations``, >= 1.
+    ``warm`` is a plan of a problem with the same phases in the same order; numbers may differ. If
+    the number of rows is the same too, its multipliers are used as well. ``verbose`` prints the
+    size, IPOPT's iterations and its status; IPOPT may take ``iterations``, >= 1.
 
     Raises
     ------
     PlanError
-        There is none, or it was not found; the error names the limits that conflict.
+        No plan exists, or none was found; the error names the limits that conflict.
     InvalidInputError
         Limits that exclude each other, a warm start with other phases, or numbers that IPOPT
         cannot start on.
@@ -127,7 +127,7 @@ def _search(
     began: float,
     warm: bool = False,
 ) -> tuple[Plan, bool]:
-    """Run IPOPT, and tell whether it succeeded.
+    """Run IPOPT, and return whether it succeeded.
 
     Variables beyond the transcription's are free, and zero at first.
     """
@@ -167,7 +167,7 @@ def _failure(t: Transcription, status: str) -> PlanError:
     softened = elastic(t.nlp, t.soft, _VIOLATION_COST)
     nearest, _ = _search(t, softened, first_guess(t), None, options, process_time())
     seen = check(nearest)
-    # Where even this search has not ended, its motion may not be one.
+    # If even this search did not converge, its result may violate the dynamics.
     unmet = [
         Excess("whole plan", f"equation of motion of {name}", nearest.duration, defect, "SI")
         for name, defect in seen.defects.items()
@@ -200,7 +200,7 @@ def _warm_start(t: Transcription, warm: Plan) -> tuple[Array, tuple[Array, Array
             "solve: a warm start needs a plan with as many phases, flights where these are"
             " flights, as many intervals in each, the same degree and kind of pendulum"
         )
-    # Duration and start are data of the new problem where they are fixed: clipped onto them.
+    # Clipped to the new problem's bounds, which may fix durations and start.
     start = np.clip(warm.solution * scale_of(warm.problem, t.layout) / t.scale, t.lower, t.upper)
     duals = warm.duals
     return start, duals if len(duals[1]) == len(t.labels) else None

@@ -16,12 +16,12 @@ from wbc.rmp.solid import UNIT, SolidRmp
 from wbc.validate import Array, check_fields, finite_vector, set_fields
 
 Pendulum = PlanarRmp | SolidRmp
-# How far values may be past a limit and still count as on it, by rounding.
+# Rounding allowed in comparisons with limits.
 SLACK = 1e-9
-# Degrees of the orientation's polynomial: below 2 it would not keep up with parabolas.
+# Degrees allowed for the orientation's polynomial; it needs at least that of a parabola.
 DEGREES = (2, 7)
-# Sizes [SI] that are refused outside of this: of no pendulum, and no programme can be scaled to
-# them. Within, products and quotients of a few are far from overflow.
+# Range of sizes [SI] that are accepted: no pendulum has others, and no programme could be scaled to
+# them. Within it, products and quotients of a few are far from overflow.
 SIZES = (1e-9, 1e9)
 
 
@@ -73,7 +73,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class PlanProblem:
-    """What to plan.
+    """A planning problem.
 
     A PlanarRmp moves in the slice y = 0 of the solid's space, in which r_1 = r_3 (= sqrt(3/2) r of
     the planar pendulum) and all else sideways is zero.
@@ -84,7 +84,7 @@ class PlanProblem:
 
     Rotations are counted from ``reference``, an orientation of the masses as a unit quaternion
     x y z w. Orientations up to 278 degrees from it about each axis can be reached: at a full turn
-    the parameters are singular. Put it in the middle of a long turn.
+    the parameters are singular. For a long turn, choose it in the middle.
 
     Raises
     ------
@@ -94,10 +94,10 @@ class PlanProblem:
 
     pendulum: Pendulum  # mass and gravity, and the space
     schedule: tuple[PlanPhase, ...]  # contact phases in order of time, with different names
-    start: State  # what is given of the first state; the rest is free
+    start: State  # fixed components of the first state; the others are free
     goal: State = field(default_factory=State)  # of the last state
-    nominal: State = field(default_factory=State)  # towards which the cost draws the motion
-    limits: PathLimits = field(default_factory=PathLimits)  # for phases that have none of their own
+    nominal: State = field(default_factory=State)  # towards which the cost pulls the motion
+    limits: PathLimits = field(default_factory=PathLimits)  # for phases without their own
     weights: Weights = field(default_factory=Weights)
     periodic: tuple[float, float] | None = None
     reference: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
@@ -144,14 +144,14 @@ class PlanProblem:
 
     @property
     def waypoints(self) -> tuple[tuple[str, int, State], ...]:
-        """What is given at ends of phases: a name, the phase's place and components; goal last."""
+        """Fixed states at ends of phases: name, index of the phase, components; the goal last."""
         ends = [(f"end of {p.name}", k, p.end) for k, p in enumerate(self.schedule)]
         given = [each for each in ends if each[2] != State()]
         return (*given, ("goal", len(self.schedule) - 1, self.goal))
 
     @property
     def period(self) -> dict[str, Array]:
-        """What is periodic, by name, with its change (3,) over the period; empty without one."""
+        """Periodic quantities by name, with their changes (3,) over the period; may be empty."""
         if self.periodic is None:
             return {}
         dx, dy = self.periodic
@@ -167,7 +167,7 @@ class PlanProblem:
         return {name: stride if name in ("com", "cop") else none for name in names}
 
     def limits_of(self, phase: int) -> PathLimits:
-        """Return the limits that hold in a phase, by its place in the schedule."""
+        """Return the limits of a phase, by its index in the schedule."""
         own = self.schedule[phase].limits
         return self.limits if own is None else own
 
@@ -201,7 +201,7 @@ def _check_schedule(problem: PlanProblem) -> None:
 
 
 def _check_sizes(problem: PlanProblem) -> None:
-    """Raise if a number that may be any size by itself is absurd; infinite limits are none."""
+    """Raise if a number without limits of its own is absurdly large or small."""
     sizes: dict[str, ArrayLike] = {"mass": problem.mass, "gravity": problem.gravity}
     places: dict[str, ArrayLike] = {"periodic": problem.periodic or 0.0}
     for where, limits in (("", problem.limits), *((p.name, p.limits) for p in problem.schedule)):
@@ -228,7 +228,7 @@ def _check_sizes(problem: PlanProblem) -> None:
 def _check_state(
     problem: PlanProblem, which: str, state: State, limits: PathLimits, phase: PlanPhase
 ) -> None:
-    """Raise if a state given is past limits of its phase, or above no possible CoP."""
+    """Raise if a fixed state violates its phase's limits, or no possible CoP lies below it."""
     given = state.values(problem.mass)
     rate, momentum = limits.radius_rate, limits.momentum
     com = given.get("com", np.full(3, np.nan))
@@ -260,7 +260,7 @@ def _check_state(
 
 
 def _check_slice(problem: PlanProblem) -> None:
-    """Raise if something given lies outside the plane y = 0."""
+    """Raise if a given value lies outside the plane y = 0."""
     # The components that are zero in the plane.
     sideways = {"com": (1,), "com_velocity": (1,), "orientation": (0, 2), "momentum": (0, 2)}
     zero = np.zeros(3)

@@ -67,7 +67,7 @@ def dynamics(
 ) -> list[PlanRow]:
     """Return the equations of motion: each polynomial ends where the next begins.
 
-    ``kept`` holds the components that are not implied by others (slice, flight).
+    ``kept`` are the components that are not implied by others (in the plane, in flight).
     """
     rows = []
     for name, p in m.states.items():
@@ -81,7 +81,7 @@ def dynamics(
 
 
 def between_knots(m: IntervalMotion, units: dict[str, float], limits: PathLimits) -> list[PlanRow]:
-    """Return what keeps the limits between knots: bounds on Bernstein's inner coefficients."""
+    """Return rows for limits between knots: bounds on inner Bernstein coefficients."""
     rows = []
 
     def enclose(name: str, p: Polynomial, pair: tuple[float, float], unit: float) -> None:
@@ -101,14 +101,14 @@ def between_knots(m: IntervalMotion, units: dict[str, float], limits: PathLimits
     push = m.leg.times(m.controls["force"], ca.dot)
     enclose("leg_push", push, (0.0, FREE), units["force"] * units["com"])
     if limits.torque < FREE:
-        # The ball is convex: it holds the polynomial if it holds all its coefficients.
+        # A ball is convex: it contains the polynomial if it contains all coefficients.
         inner = [ca.sumsqr(b) / limits.torque**2 for b in m.torque.bernstein()[1:-1]]
         rows.append(PlanRow("torque", ca.vertcat(*inner), -FREE, 1.0))
     return rows
 
 
 def at_stance_knot(m: IntervalMotion, units: dict[str, float], limits: PathLimits) -> list[PlanRow]:
-    """Return the limits at the left knot of an interval in stance that no box can hold.
+    """Return the limits at the left knot of an interval in stance that are not boxes.
 
     Those on force and CoP are convex, and both are linear in time: they hold in between too.
     """
@@ -173,7 +173,7 @@ class LinearRow:
     """lower <= sum of coefficients times scaled variables <= upper."""
 
     label: str
-    terms: dict[int, float]  # coefficients by the places of their variables
+    terms: dict[int, float]  # coefficients by indices of variables
     lower: float
     upper: float
 
@@ -207,7 +207,7 @@ def _supports(problem: PlanProblem, layout: PlanLayout, unit: float) -> Iterator
             continue
         for a, low, high in zip(*support_bounds(phase.support), strict=True):
             if problem.plane and abs(a[0]) < np.finfo(float).eps:
-                continue  # a side along the slice bounds nothing in it
+                continue  # a side parallel to the plane y = 0 bounds nothing in it
             for x, y in places.named["cop"].tolist():
                 terms = {x: a[0]} if problem.plane else {x: a[0], y: a[1]}
                 yield LinearRow(f"{phase.name}: cop", terms, low / unit, high / unit)

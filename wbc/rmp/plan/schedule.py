@@ -47,8 +47,8 @@ class State:
         c [m] and c' [m/s].
     rotation:
         Orientation of the masses as a rotation vector [rad] from the problem's ``reference``.
-        Its length tells turns apart and must be below 2 pi. Either all three components, or zeros
-        with others left free: (0, 0, None) is any turn about z.
+        Its length is the angle, below 2 pi. Give all three components, or zeros with others free:
+        (0, 0, None) is any rotation about z.
     momentum:
         Angular momentum about the CoM, k_G [kg m^2/s], world axes.
     radii, radii_rates:
@@ -59,7 +59,7 @@ class State:
     Raises
     ------
     InvalidInputError
-        Not three numbers or None, not finite, a turn too long, radii that are not positive, or
+        Not three numbers or None, not finite, an angle too large, radii that are not positive, or
         moments of inertia that no body can have.
     """
 
@@ -161,9 +161,9 @@ def _components(name: str, value: Components) -> tuple[float | None, ...]:
 
 @dataclass(frozen=True)
 class PathLimits:
-    """Limits that hold at every moment of a phase, not only at its knots.
+    """Limits at every time of a phase, not only at its knots.
 
-    Those on ground forces are idle in flight.
+    Those on ground forces have no effect in flight.
 
     Parameters
     ----------
@@ -172,19 +172,20 @@ class PathLimits:
     torsion:
         Largest |moment about the vertical| / vertical ground force [m], >= 0; a foot's lever.
     normal_force:
-        (least, greatest) vertical ground force in stance [N]. A least above zero keeps the contact.
+        (least, greatest) vertical ground force in stance [N]. A least value above zero maintains
+        contact.
     force:
         Greatest size of the ground force [N], > 0.
     leg_length:
-        (least, greatest) distance from the CoP to the CoM [m], > 0. Along it the leg only pushes.
+        (least, greatest) distance from the CoP to the CoM [m], > 0. The leg can only push.
     torque:
         Greatest |k_G'| [N m], > 0: the torque between leg and masses, and so a bound for every
         wheel motor, whatever the orientation of its axis.
     momentum:
         Greatest size of each component of k_G [kg m^2/s], world axes, > 0.
     radius:
-        (least, greatest) distance of masses from the CoM [m], > 0. Bounded by default: where little
-        is given, nothing else keeps the masses from going kilometres away.
+        (least, greatest) distance of masses from the CoM [m], > 0. Bounded by default, as otherwise
+        little may keep the masses from moving away by kilometres.
     radius_rate, radius_acceleration:
         Greatest size of r' [m/s] and r'' [m/s^2] of every pair, > 0.
     height:
@@ -193,7 +194,7 @@ class PathLimits:
     Raises
     ------
     InvalidInputError
-        Numbers that are no limits: NaN, not positive where they must be, or in the wrong order.
+        Invalid limits: NaN, not positive where they must be, or in the wrong order.
     """
 
     friction: float = FREE
@@ -226,7 +227,7 @@ class PlanPhase:
     Raises
     ------
     InvalidInputError
-        A value that is none of the above; the message names the phase.
+        An invalid value; the message names the phase.
     """
 
     name: str  # for messages and results; not empty
@@ -236,7 +237,7 @@ class PlanPhase:
     support: Corners | None
     intervals: int = 10  # equal intervals of time, 1 to 1000; knots are their ends
     limits: PathLimits | None = None  # in place of the problem's for this phase
-    end: State = field(default_factory=State)  # what is given where the phase ends
+    end: State = field(default_factory=State)  # fixed components at the end of the phase
 
     def __post_init__(self) -> None:
         where = f"phase {self.name!r}"
@@ -250,7 +251,7 @@ class PlanPhase:
         set_fields(self, duration=_duration(where, self.duration))
         if self.support is not None:
             try:
-                # Corners on a side, or given twice, are left out.
+                # Corners on a side, and duplicates, are dropped.
                 corners = real_array("corners", self.support)
                 if np.abs(corners).max(initial=0.0) > FARTHEST:
                     raise InvalidInputError(f"a corner farther away than {FARTHEST:g} m")
@@ -336,7 +337,7 @@ def support_bounds(support: Corners) -> tuple[Array, Array, Array]:
 
 
 def overlap(a: Corners, b: Corners) -> bool:
-    """Tell whether two convex supports share a point, by their separating axes."""
+    """Return whether two convex supports share a point, by their separating axes."""
     one, other = np.array(a), np.array(b)
     axes = [support_bounds(a)[0], support_bounds(b)[0]]
     if len(a) == 1 and len(b) == 1 and a != b:

@@ -1,4 +1,4 @@
-"""Problems as plain data, and plans in files: NPZ with a format version, whole or not at all."""
+"""Problems as plain data, and plans in NPZ files with a format version, written atomically."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
 FORMAT = "wbc-plan"
-LARGEST = 1 << 26  # of what is read of a file, unpacked [bytes]; a long plan has a few 10^5
+LARGEST = 1 << 26  # largest unpacked size that is read [bytes]; a long plan has a few 10^5
 VERSION = 1
 _PENDULUMS: dict[str, type[Pendulum]] = {"solid": SolidRmp, "planar": PlanarRmp}
 _Made = TypeVar("_Made")
@@ -31,7 +31,7 @@ _ARRAYS = ("solution", "duals_variables", "duals_rows")
 
 
 def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
-    """Return a problem as plain data, for JSON or YAML; no limit is null."""
+    """Return a problem as plain data, for JSON or YAML; an infinite limit is null."""
     data = {each.name: getattr(problem, each.name) for each in fields(problem)}
     kind = "planar" if problem.plane else "solid"
     data["pendulum"] = {"kind": kind, "mass": problem.mass, "gravity": problem.gravity}
@@ -42,7 +42,7 @@ def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
 
 
 def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
-    """Return the problem of plain data; what is left out takes its default.
+    """Return the problem from plain data; keys that are left out take their defaults.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def save_plan(plan: Plan, path: str | Path) -> Path:
 
 
 def plan_arrays(plan: Plan) -> dict[str, NDArray[np.generic]]:
-    """Return what the file of a plan holds, by name; other entries beside it do no harm."""
+    """Return the arrays of a plan's file by name; further entries in the file are ignored."""
     meta = {
         "format": FORMAT,
         "version": VERSION,
@@ -95,7 +95,7 @@ def load_plan(path: str | Path) -> Plan:
     Raises
     ------
     InvalidInputError
-        No such file, not a plan, of a later format, or damaged.
+        The file does not exist, is no plan, of a later format, or damaged.
     """
     kinds = {"meta": "U"} | dict.fromkeys(_ARRAYS, "iuf")
     found = read_arrays(path, lambda _: tuple(kinds), lambda name: kinds[name], LARGEST)
@@ -166,7 +166,7 @@ def _limits(data: Any) -> PathLimits:
     return _decoded("limits", PathLimits, given)
 
 
-# What turns plain data into the value of a field, by the field's name, where they differ.
+# Decoders from plain data to a field's value, by the field's name, where they differ.
 _DECODERS: dict[str, Callable[[Any], Any]] = {
     **{name: partial(_decoded, name, State) for name in ("start", "goal", "nominal", "end")},
     "weights": partial(_decoded, "weights", Weights),

@@ -1,6 +1,6 @@
-"""From a planning problem to a nonlinear programme with the name of every row, and a first guess.
+"""Transcription of a planning problem to a nonlinear programme with named rows; first guess.
 
-The guess goes straight from start to goal, flights as parabolas.
+The guess is a straight line from start to goal, with parabolas in flight.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def transcribe(problem: PlanProblem) -> Transcription:
         Limits of neighbouring phases exclude each other where they meet.
     """
     units, layout = units_of(problem), lay_out(problem)
-    # Phases that are alike in these share their pieces.
+    # Phases with equal values of these share their pieces.
     pieces: dict[tuple[object, ...], tuple[Piece, list[constraint.PlanRow]]] = {}
     blocks, listed = list[Block](), list[tuple[str, constraint.PlanRow]]()
     for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):
@@ -143,7 +143,7 @@ def _bounds(problem: PlanProblem, layout: PlanLayout) -> tuple[Array, Array]:
 
 
 def first_guess(t: Transcription) -> Array:
-    """Return scaled variables (n,): what is not given is taken from nominal, goal or start."""
+    """Return scaled variables (n,): free components are taken from nominal, goal or start."""
     problem, layout = t.problem, t.layout
     first, last = _guessed_ends(problem)
     middle = [sum(phase.durations) / 2.0 for phase in problem.schedule]

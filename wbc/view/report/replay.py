@@ -1,4 +1,4 @@
-"""The data of a report's replay: shapes once, and moving parts frame by frame."""
+"""The data of a report's replay: the shapes, and the poses of moving parts in each frame."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ COLOURS = {
     "sole": style.ORANGE,
     "board": palette.BOARD,
 }
-THIN = 0.03  # of a planar pendulum's wheel: its thickness
+THIN = 0.03  # m: thickness of a planar pendulum's wheel
 
 
 def replay_rows(time: Array) -> list[int]:
-    """Return the rows that are shown, evenly spread, the first and the last among them."""
+    """Return the rows to show, evenly spread, including the first and the last."""
     span = float(time[-1] - time[0])
     count = min(len(time), MOST, max(2, round(span * FPS) + 1))
     wanted = np.linspace(time[0], time[-1], count)
@@ -94,10 +94,10 @@ def replay_data(run: DrawableRun, rows: Sequence[int]) -> dict[str, Any]:
 
 
 def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, Any]:
-    """Return the same of a pendulum, which has no meshes, but a leg with a foot of its own."""
+    """Return the data of a pendulum, which has no meshes, but a leg with its own foot."""
     radii, axes = history.radii[rows], history.axes[rows]
     if history.flat:  # a wheel in the plane of x and z
-        across = np.abs(axes[:, 1])  # (frames, 3): how far each axis stands out of the plane
+        across = np.abs(axes[:, 1])  # (frames, 3): component of each axis normal to the plane
         semi_axes = radii[:, :1] * np.maximum(1.0 - across, THIN)
     else:
         semi_axes = SOLID * radii
@@ -125,7 +125,7 @@ def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, 
 
 
 def _soles(run: DrawableRun) -> list[dict[str, Any]]:
-    """Return the corners of the soles in the frames of the joints that carry them."""
+    """Return the corners of the soles in the frames of their joints."""
     robot, soles = run.robot, []
     for foot in robot.feet.values():
         frame = robot.frame(foot.frame)

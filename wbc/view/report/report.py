@@ -1,4 +1,4 @@
-"""Writes a report: the page, with everything that it shows inside."""
+"""Writing of a report as one self-contained page."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def write_report(
     simulation: Mapping[str, Any] | None = None,
     terrain: Terrain = LEVEL,
 ) -> Path:
-    """Write a run as one HTML file that needs nothing else, and return its path.
+    """Write a run as one self-contained HTML file, and return its path.
 
     It holds a replay in 3-D with a time slider, the plots, tables of tasks, constraints and times,
-    the problem's text and the versions. It appears whole or not at all.
+    the problem's text and the versions. The file is replaced atomically.
 
     Parameters
     ----------
@@ -60,14 +60,14 @@ def write_report(
     summary:
         As :meth:`wbc.run.Result.summary` returns it.
     simulation:
-        Of a simulation, the arrays that :meth:`wbc.simulation.SimulationResult.save` writes.
+        Arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes them.
     terrain:
-        Of a simulation, what the robot stood on.
+        The terrain of a simulation.
 
     Raises
     ------
     InvalidInputError
-        Another ending, or what :func:`wbc.view.plot_run` refuses.
+        The path does not end in ``.html``, or :func:`wbc.view.plot_run` refuses the run.
     OSError
         The file cannot be written.
     """
@@ -83,7 +83,7 @@ def report_text(
     simulation: Mapping[str, Any] | None = None,
     terrain: Terrain = LEVEL,
 ) -> str:
-    """Return the page that :func:`write_report` writes."""
+    """Return the text of the page that :func:`write_report` writes."""
     run = read_history(robot, history, terrain)
     data = replay_data(run, replay_rows(run.time))
     draws: list[Draw] = [
@@ -111,7 +111,7 @@ def write_pendulum_report(
     Raises
     ------
     InvalidInputError
-        Another ending.
+        The path does not end in ``.html``.
     OSError
         The file cannot be written.
     """
@@ -125,7 +125,7 @@ def write_pendulum_report(
 
 
 def _plot_picture(draw: Draw) -> dict[str, Any]:
-    """Return a plot as PNG in base64, and where the ends of its time axis are, if it has one."""
+    """Return a plot as PNG in base64, and the ends of its time axis in it, if it has one."""
     figure = style.sheet(WIDTH, HEIGHT, None, HEIGHT)
     figure.set_dpi(DPI)
     axes = figure.subplots()
@@ -163,7 +163,7 @@ def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> st
         "DATA": json.dumps(data, allow_nan=False).replace("</", "<\\/"),
         "SCRIPT": _part("page.js"),
     }
-    # In one pass: what is put in is never looked at again.
+    # In one pass, so that inserted text is never substituted again.
     return re.sub(r"@([A-Z]+)@", lambda found: texts[found[1]], _part("page.html"))
 
 

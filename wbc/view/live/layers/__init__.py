@@ -1,1 +1,1 @@
-"""What is drawn in the live scene, in layers that are shown or hidden each by itself."""
+"""The layers of the live scene, each of which can be shown or hidden."""

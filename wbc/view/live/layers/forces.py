@@ -1,4 +1,4 @@
-"""Contact forces as arrows, and the cones that they must stay in."""
+"""Contact forces as arrows, and their friction cones."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from wbc.view.live.shown_frame import ShownFrame
 
 REACH = 0.5  # of the robot's size: the arrow of a force as large as the robot's weight
 CONE = 0.15  # of the robot's size: height of a cone
-FLIP = np.diag([1.0, -1.0, -1.0])  # a half-turn: cones are made with the apex on top
-CONE_TOLERANCE = 0.02  # part of the cone below which what is left counts as nothing
+FLIP = np.diag([1.0, -1.0, -1.0])  # a half-turn: meshes of cones have their apex on top
+CONE_TOLERANCE = 0.02  # a force this near the edge, as a fraction of the cone, is drawn in red
 LEAST = 1e-3  # of the weight: smaller forces are not drawn
 
 
 class ForcesLayer(Layer):
-    """The force of each contact where it acts, red at the edge of its cone; blue: known others."""
+    """The force of each contact at its CoP, red at the edge of its cone; blue: external forces."""
 
     label = "Contact forces"
 
@@ -87,7 +87,7 @@ class ForcesLayer(Layer):
         self._arrows.colors = np.array(colours, dtype=np.uint8)
 
     def _at_edge(self, frame: str, force: Array) -> bool:
-        """Whether a force (3,) in a contact's axes is nearly at the edge of what is allowed."""
+        """Whether a force (3,) in a contact's axes is nearly at the edge of its cone."""
         friction = self._friction.get(frame)
         if friction is None:
             return False
@@ -96,9 +96,9 @@ class ForcesLayer(Layer):
 
 
 def point_of_action(place: Array, wrench: Array, rotation: Array) -> Array:
-    """Return where in the plane of a contact at ``place`` (3,) its wrench (6,) acts: its own CoP.
+    """Return the CoP of one contact at ``place`` (3,) from its wrench (6,).
 
-    The frame's origin where nothing presses.
+    Without normal force it is the frame's origin.
     """
     force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
     if force[2] <= 0.0:

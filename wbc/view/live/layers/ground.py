@@ -1,4 +1,4 @@
-"""What the robot stands on: the ground, its soles, the support polygon; and the CoM above it."""
+"""The ground, the soles, the support polygon, and the CoM with its projection."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, c
 from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.solids import board_surfaces
 
-GROUND_OFFSET = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
+# Of drawings above the ground [m], at whose height they would flicker.
+GROUND_OFFSET = np.array([0.0, 0.0, 1e-3])
 
 
 class GroundLayer(Layer):
     """A grid on the ground's plane, with the shadow of the robot, and boards on it.
 
-    The grid seems to have no end: it goes with the view, by whole sections.
+    The grid seems infinite: it follows the view in whole sections.
     """
 
     label = "Ground"
@@ -54,13 +55,13 @@ class GroundLayer(Layer):
             )
 
     def show(self, shown: ShownFrame) -> None:
-        """Move the grid below what is followed; its lines stay where they are."""
+        """Move the grid below the view's target by whole sections, so that its lines seem fixed."""
         sections = np.round(self._axes.T @ shown.followed / self._section)
         self._grid.position = self._axes @ (*(self._section * sections[:2]), 0.0)
 
 
 class SupportLayer(Layer):
-    """The soles, those that stand in orange, and the polygon that they span."""
+    """The soles, orange where in contact, and the support polygon."""
 
     label = "Soles and support"
 
@@ -72,7 +73,7 @@ class SupportLayer(Layer):
         self._polygon = self.lines("polygon", SKY, thickness=0.006)
 
     def show(self, shown: ShownFrame) -> None:
-        """Outline soles and polygon."""
+        """Draw the outlines of soles and polygon."""
         standing = {foot.name for foot in shown.standing}
         for foot in shown.robot.feet.values():
             lines = self._soles[foot.name]

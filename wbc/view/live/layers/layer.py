@@ -1,4 +1,4 @@
-"""What all layers of the scene have in common, and the few shapes that they share."""
+"""The base class of the scene's layers, and shapes that they share."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ BLUE, VERMILION, PURPLE, GREY = (
     palette.rgb(one) for one in (palette.BLUE, palette.VERMILION, palette.PURPLE, palette.GREY)
 )
 PRINCIPAL = tuple(palette.rgb(one) for one in palette.PRINCIPAL)
-AROUND = 64  # points of a circle
-WORLD = "/world"  # the node above all layers: it moves so that the page follows the robot
-PLANE = 2.0  # m: side of what is drawn of a half-space
+AROUND = 64  # number of points of a circle
+WORLD = "/world"  # the root node of all layers, moved so that the page follows the robot
+PLANE = 2.0  # m: side of the square that is drawn for a half-space
 Z = np.array([0.0, 0.0, 1.0])
 
 
 class Layer(ABC):
-    """A part of the scene below one node, which is what is hidden.
+    """A part of the scene below one node, which can be hidden.
 
     Attributes
     ----------
     label:
-        As the page calls it.
+        Its name on the page.
     begins_visible:
-        Whether it is shown at first.
+        Whether it is visible at first.
     """
 
     label: str
@@ -52,17 +52,17 @@ class Layer(ABC):
         self.root = scene.add_frame(self.path, show_axes=False, visible=self.begins_visible)
 
     def cast(self, cast: ControllerInfo) -> None:  # noqa: B027 - most layers do not care
-        """Take note of another controller, or other contacts."""
+        """Adapt to another controller, or to other contacts."""
 
     def lines(self, name: str, colour: Colour, thickness: float, visible: bool = True) -> Any:
-        """Return a node of straight lines; thickness in parts of the robot's size."""
+        """Return a node of straight lines; thickness as a fraction of the robot's size."""
         points = np.zeros((1, 2, 3))
         return self.scene.add_line_segments(
             f"{self.path}/{name}", points, colour, thickness=thickness * self.size, visible=visible
         )
 
     def arrows(self, name: str, colour: Colour, shaft: float, head: float, length: float) -> Any:
-        """Return a node of arrows, hidden until it has points; sizes in parts of the robot's."""
+        """Return a node of arrows, hidden without points; sizes are fractions of the robot's."""
         return self.scene.add_arrows(
             f"{self.path}/{name}",
             np.zeros((1, 2, 3)),

@@ -1,4 +1,4 @@
-"""What the robot keeps away from: its nearest pairs of bodies, and the obstacles around it."""
+"""Pairs of bodies near collision, and the obstacles around the robot."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from wbc.view.live.messages import ControllerInfo, PairsInfo
 from wbc.view.live.shown_frame import ShownFrame
 
 NEAREST = 6  # pairs listed for each constraint
-MEASURED = 25  # of which the nearest are looked at: some keep less than others
-DRAWN = 0.05  # of the robot's size: pairs that have more left than this are not drawn
-NEAR = 2.0  # times its margin: a pair this near is drawn in orange
-WALL, THING = 0.12, 0.4  # opacity of half-spaces, which have no end, and of other obstacles
-TOUCHING = 1e-3  # m: a pair this near to its margin is drawn in red
+MEASURED = 25  # pairs measured for each constraint: more than are listed, as margins differ
+DRAWN = 0.05  # of the robot's size: pairs with more clearance than this are not drawn
+NEAR = 2.0  # times its margin: pairs nearer than this are drawn in orange
+WALL, THING = 0.12, 0.4  # opacity of half-spaces, which are infinite, and of other obstacles
+TOUCHING = 1e-3  # m: pairs this near to their margins are drawn in red
 
 
 class Pair(NamedTuple):
@@ -27,19 +27,19 @@ class Pair(NamedTuple):
 
     label: str
     distance: float  # [m]
-    margin: float  # that is kept [m]
+    margin: float  # least distance allowed [m]
     ends: Array  # nearest points (2, 3) [m]
 
     @property
     def colour(self) -> tuple[int, int, int]:
-        """How near they are."""
+        """Distance of the pair as text."""
         if self.distance < self.margin + TOUCHING:
             return VERMILION
         return ORANGE if self.distance < NEAR * self.margin + TOUCHING else GREEN
 
 
 class Watched:
-    """The pairs of a constraint, measured on the page's side."""
+    """The pairs of a constraint, measured in the viewer's thread."""
 
     def __init__(self, robot: Robot, info: PairsInfo) -> None:
         self._info = info
@@ -47,7 +47,7 @@ class Watched:
         self._first = len(info.bodies) - len(info.obstacles)
 
     def nearest(self, shown: ShownFrame) -> list[Pair]:
-        """Return the nearest pairs, those first of which least is left."""
+        """Return the nearest pairs, those with the least clearance first."""
         for k, (name, _) in enumerate(self._info.obstacles):
             if name in shown.frame.obstacles:
                 self._model.place(self._first + k, *shown.frame.obstacles[name])
@@ -70,7 +70,7 @@ class MarginsLayer(Layer):
     Attributes
     ----------
     nearest:
-        Those of the last frame, the one first of which least is left.
+        The nearest pairs in the last frame, the one with the least clearance first.
     """
 
     label = "Nearest pairs"
@@ -83,7 +83,7 @@ class MarginsLayer(Layer):
         self._lines = self.lines("lines", GREEN, thickness=0.008, visible=False)
 
     def cast(self, cast: ControllerInfo) -> None:
-        """Take over the pairs that are kept apart."""
+        """Set the pairs of the controller's collision constraints."""
         self._watched = [Watched(self._robot, info) for info in cast.pairs]
         self.nearest = []
 
@@ -100,7 +100,7 @@ class MarginsLayer(Layer):
 
 
 class ObstaclesLayer(Layer):
-    """What stands or moves around the robot."""
+    """The obstacles around the robot."""
 
     label = "Obstacles"
 
@@ -109,7 +109,7 @@ class ObstaclesLayer(Layer):
         self._nodes = dict[str, Any]()
 
     def cast(self, cast: ControllerInfo) -> None:
-        """Make the obstacles of the constraints."""
+        """Create the obstacles of the constraints."""
         for node in self._nodes.values():
             node.remove()
         self._nodes = {}
@@ -128,7 +128,7 @@ class ObstaclesLayer(Layer):
                 )
 
     def show(self, shown: ShownFrame) -> None:
-        """Put them where they are."""
+        """Move them to their current poses."""
         for name, (rotation, origin) in shown.frame.obstacles.items():
             if name in self._nodes:
                 self._nodes[name].wxyz = wxyz(rotation)

@@ -23,7 +23,7 @@ from wbc.view.live.layers.layer import (
 from wbc.view.live.shown_frame import ShownFrame
 
 THINNEST = 1e-3  # m: a flat ellipsoid is drawn this thick
-AHEAD = 0.5  # s: a momentum arrow shows how far it carries the CoM in this time
+AHEAD = 0.5  # s: a momentum arrow is as long as the CoM's way in this time
 LEVER = 0.25  # of the robot's size: an angular momentum arrow at 1 rad/s of mean angular velocity
 
 
@@ -46,7 +46,7 @@ class EllipsoidLayer(Layer):
             BLUE,
             subdivisions=5,
             opacity=0.3,
-            side="back",  # its far side: the robot stands before it, and is not veiled
+            side="back",  # only its far side is drawn, so that it does not hide the robot
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -55,7 +55,7 @@ class EllipsoidLayer(Layer):
         )
 
     def show(self, shown: ShownFrame) -> None:
-        """Stretch and turn it."""
+        """Set its size and orientation."""
         ellipsoid = shown.state.ellipsoid
         a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
         for node in (self._ball, self._rings):
@@ -64,7 +64,7 @@ class EllipsoidLayer(Layer):
 
 
 class MassesLayer(Layer):
-    """Six masses M/6, at the same inertia as the robot's."""
+    """Six masses M/6 with the same inertia as the robot."""
 
     label = "Reaction masses"
 
@@ -85,7 +85,7 @@ class MassesLayer(Layer):
         )
 
     def show(self, shown: ShownFrame) -> None:
-        """Put the masses on their tracks."""
+        """Move the masses along their axes."""
         state = shown.state
         reach = state.axes.T * state.radii[:, None]  # (3, 3), a row per axis
         ends = state.com + np.stack([-reach, reach], axis=1)
@@ -112,7 +112,7 @@ class LegLayer(Layer):
         ]
 
     def show(self, shown: ShownFrame) -> None:
-        """Draw them where the ground pushes."""
+        """Draw them if there are contact forces."""
         state = shown.state
         known = shown.has_ground and state.cop is not None and state.cmp is not None
         cop_name, cmp_name = self._names
@@ -145,13 +145,13 @@ class MomentumLayer(Layer):
         )
 
     def show(self, shown: ShownFrame) -> None:
-        """Draw where the momentum carries the CoM, and about which axis the robot turns."""
+        """Draw the CoM's way under the linear momentum, and the axis of the angular one."""
         state = shown.state
         ways = np.stack(
             [AHEAD * state.com_velocity, LEVER * self.size * state.average_angular_velocity]
         )
         long = np.linalg.norm(ways, axis=1) > 0.02 * self.size
         self._arrows.visible = bool(long.any())
-        # An arrow of no length would be all head: it hides inside the CoM's ball.
+        # An arrow of zero length would still have a head: it is hidden inside the CoM's ball.
         ways[~long] = 0.0
         self._arrows.points = np.stack([np.broadcast_to(state.com, (2, 3)), state.com + ways], 1)

@@ -1,4 +1,4 @@
-"""Pushes and pulls as arrows: what is offered, and what acts."""
+"""Pushes and pulls as arrows: previews of pushes, and forces that act."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from wbc.view.live.messages import PUSH_DURATION
 from wbc.view.live.shown_frame import ShownFrame
 
 LONGEST = 0.6  # of the robot's size: the arrow of the largest push
-AWAY = 0.25  # of the robot's size: how far from the CoM it ends, where the body does not hide it
+AWAY = 0.25  # of the robot's size: distance of its tip from the CoM, outside the body
 LEAST = 1e-3  # of the largest: smaller ones are not drawn
 
 
 class PushLayer(Layer):
-    """An arrow towards the CoM, outside the body: grey while only offered, red while it acts.
+    """An arrow towards the CoM, outside the body: grey as a preview, red while the push acts.
 
     Parameters
     ----------
     offered:
-        Returns the push that the page's button would give (3,) [N s].
+        A function that returns the push (3,) [N s] that the page's button would apply.
     largest:
-        Push [N s] whose arrow is the longest.
+        Push [N s] that has the longest arrow.
     """
 
     label = "Push"
@@ -40,7 +40,7 @@ class PushLayer(Layer):
         self._arrow = self.arrows("arrow", GREY, shaft=0.009, head=0.024, length=0.05)
 
     def show(self, shown: ShownFrame) -> None:
-        """Draw the push that acts, or the one that is offered."""
+        """Draw the push that acts, or the preview."""
         force = shown.frame.push
         acts = force is not None and bool(np.any(force))
         impulse = PUSH_DURATION * force if force is not None and acts else self._offered()
@@ -55,7 +55,7 @@ class PushLayer(Layer):
 
 
 class PullLayer(Layer):
-    """An arrow from what is pulled, to the scale of the contact forces."""
+    """An arrow from the pulled point, at the scale of the contact forces."""
 
     label = "Pull"
 
@@ -65,7 +65,7 @@ class PullLayer(Layer):
         self._arrow = self.arrows("arrow", VERMILION, shaft=0.009, head=0.024, length=0.05)
 
     def show(self, shown: ShownFrame) -> None:
-        """Draw the force that pulls."""
+        """Draw the pulling force."""
         pull = shown.frame.pull
         self._arrow.visible = pull is not None
         if pull is not None:

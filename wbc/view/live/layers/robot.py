@@ -15,18 +15,18 @@ from wbc.validate import Array
 from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
 from wbc.view.live.shown_frame import ShownFrame
 
-PALE = 0.92  # the brightest that a shape is drawn: white would have no shading
+PALE = 0.92  # largest brightness of a shape: shading would not show on white
 
 
 class RobotShapes:
-    """The shapes of a robot in the frames of the joints that move them.
+    """The shapes of a robot in the frames of their joints.
 
     Attributes
     ----------
     shapes:
         Index of the joint, and the mesh in its frame.
     note:
-        What is shown instead of the visual shapes, and why; or nothing.
+        Which shapes replace the visual ones, and why; empty if none do.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -64,7 +64,7 @@ class RobotShapes:
 
 
 class RobotLayer(Layer):
-    """The robot where it is.
+    """The robot in its current configuration.
 
     Attributes
     ----------
@@ -107,13 +107,13 @@ class RobotLayer(Layer):
             node.wxyz, node.position = wxyz(rotations[joint]), origins[joint]
 
     def set_opacity(self, opacity: float) -> None:
-        """Make the robot transparent, 0, to solid, 1."""
+        """Set the opacity of the robot, from 0 to 1."""
         for _, mesh in self.links:
             mesh.opacity = None if opacity >= 1.0 else opacity
 
 
 class BesideLayer(RobotLayer):
-    """Another one beside the robot, as the human that it moves like."""
+    """A second figure beside the robot, such as the human whose motion it follows."""
 
     label = "Human"
 

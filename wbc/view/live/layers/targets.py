@@ -1,4 +1,4 @@
-"""Where the tasks want the robot: ghosts of frames, CoM and ellipsoid; and handles to drag them."""
+"""The tasks' targets: ghosts of frames, CoM and ellipsoid; and handles to drag them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from wbc.view.live.messages import ControllerInfo, SetTarget, TaskInfo
 from wbc.view.live.shown_frame import ShownFrame
 
 HANDLE = 0.16  # of the robot's size
-HELD = 0.6  # s after the last drag for which a handle is left where the user has put it
+HELD = 0.6  # s after the last drag until a handle follows its target again
 
 Drag = Callable[[SetTarget], None]
 
@@ -35,7 +35,7 @@ class Place:
     rotation: TaskInfo | None = None
 
     def pose(self, shown: ShownFrame) -> tuple[Array, Array] | None:
-        """Return wanted position and rotation; a position that no task wants is as it is.
+        """Return target position and rotation; without a target the position is the actual one.
 
         None if there is no target.
         """
@@ -45,7 +45,7 @@ class Place:
         if self.rotation is not None and self.rotation.name not in targets:
             return None
         p = snapshot.position(self.frame) if self.frame else snapshot.com
-        R: Array = np.eye(3)  # world axes, unless a rotation is wanted
+        R: Array = np.eye(3)  # world axes without a target rotation
         if self.position is not None:
             wanted = targets[self.position.name][0]
             chosen = [k for k, axis in enumerate("xyz") if axis in self.position.rows]
@@ -56,7 +56,7 @@ class Place:
         return p, R
 
     def task_requests(self, position: Array, rotation: Array) -> Iterator[SetTarget]:
-        """Yield the targets that a pose means."""
+        """Yield the requests that set a pose as the target."""
         if self.position is not None and self.position is self.rotation:
             yield SetTarget(self.position.name, (position, rotation))
             return
@@ -67,7 +67,7 @@ class Place:
 
 
 def places_of(cast: ControllerInfo) -> list[Place]:
-    """Return the places that the tasks want something of."""
+    """Return the frames, and the CoM, for which tasks have targets."""
     found = dict[str, Place]()
     for task in cast.tasks:
         frame = "" if task.kind == "com" else task.frame
@@ -83,7 +83,7 @@ def places_of(cast: ControllerInfo) -> list[Place]:
 
 
 class TargetsLayer(Layer):
-    """Ghosts at the targets of the tasks, and lines to them from where the robot is."""
+    """Ghosts at the targets of the tasks, with lines to them from the actual positions."""
 
     label = "Targets"
 
@@ -96,7 +96,7 @@ class TargetsLayer(Layer):
         self._arrows = self.arrows("axes", GREEN, shaft=0.005, head=0.012, length=0.03)
 
     def cast(self, cast: ControllerInfo) -> None:
-        """Make a ghost for each target."""
+        """Create a ghost for each target."""
         for _, node in (*self._places, *self._shapes):
             node.remove()
         self._places = [(place, self._ghost(place)) for place in places_of(cast)]
@@ -135,7 +135,7 @@ class TargetsLayer(Layer):
         )
 
     def show(self, shown: ShownFrame) -> None:
-        """Put the ghosts where the targets are now."""
+        """Move the ghosts to the current targets."""
         lines = []
         for place, node in self._places:
             pose = place.pose(shown)
@@ -172,9 +172,9 @@ class TargetsLayer(Layer):
 
 
 def wanted_ellipsoid(task: TaskInfo, shown: ShownFrame) -> Ellipsoid | None:
-    """Return the ellipsoid that a task wants; what it leaves open is as it is.
+    """Return the target ellipsoid of a task; components without a target are the actual ones.
 
-    None if no body has such an inertia, or the task has no target.
+    None if no body can have such an inertia, or the task has no target.
     """
     target = shown.frame.targets.get(task.name)
     if target is None:
@@ -209,7 +209,7 @@ class HandlesLayer(Layer):
         self._touched = dict[str, float]()
 
     def cast(self, cast: ControllerInfo) -> None:
-        """Make a handle for each target that can be dragged."""
+        """Create a handle for each target that can be dragged."""
         for _, handle in self._handles:
             handle.remove()
         self._handles = [(place, self._handle(place)) for place in places_of(cast)]
@@ -230,7 +230,7 @@ class HandlesLayer(Layer):
             depth_test=False,
         )
 
-        async def dragged(event: Any) -> None:  # async: in the order in which it happened
+        async def dragged(event: Any) -> None:  # async: handled in the order of the events
             self._touched[place.frame] = time.monotonic()
             rotation = np.asarray(SO3(np.asarray(event.target.wxyz)).as_matrix())
             for wish in place.task_requests(np.asarray(event.target.position).copy(), rotation):
@@ -240,7 +240,7 @@ class HandlesLayer(Layer):
         return handle
 
     def show(self, shown: ShownFrame) -> None:
-        """Put the handles where the targets are, but for those in somebody's hand."""
+        """Move the handles to the targets, except those that are being dragged."""
         now = time.monotonic()
         for place, handle in self._handles:
             if now - self._touched.get(place.frame, -HELD) < HELD:
