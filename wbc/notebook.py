@@ -14,8 +14,8 @@ from wbc.errors import WbcError
 
 Row = tuple[str, str]
 _STYLE = "text-align:left;vertical-align:top;padding:1px 12px 1px 0;font-weight:normal"
-MOST_ROWS = 12  # rows of a kind
-DPI, SHOWN_WIDTH = 80, 640  # of pictures: dots per inch, and how wide they are shown [pixels]
+MOST_ROWS = 12  # most rows shown of each kind
+DPI, SHOWN_WIDTH = 80, 640  # of pictures: dots per inch, and width on the page [pixels]
 
 
 def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
@@ -24,9 +24,9 @@ def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
     Parameters
     ----------
     facts:
-        Names and values; those without a value are left out.
+        Names and values; empty values are left out.
     rows:
-        The same, of a kind of which there may be many: the first twelve, and how many there are.
+        Names and values of a kind with many: the first twelve are shown, with the total number.
     """
     rows = list(rows)
     told = [(name, text) for name, text in (*facts, *rows[:MOST_ROWS]) if text]
@@ -40,7 +40,7 @@ def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
 
 
 def with_picture(table: str, figure: str, *parts: Any) -> str:
-    """Return a table, and below it a picture where Matplotlib is installed.
+    """Return a table, and below it a picture if Matplotlib is installed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Self-collision: the robot's own bodies kept apart."""
+"""Avoidance of self-collisions."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class SelfCollision(BodyMargin):
     Parameters
     ----------
     margin:
-        Distance that is kept [m].
+        Least distance [m].
     pairs:
-        How many get a row in each tick: see :class:`~wbc.constraints.bodies.BodyMargin`.
+        Number of pairs with a row in each tick: see :class:`~wbc.constraints.bodies.BodyMargin`.
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
     include, exclude:
@@ -57,15 +57,15 @@ class SelfCollision(BodyMargin):
     Attributes
     ----------
     margins:
-        (N,) distance that each pair of the model keeps [m]: ``margin``, or half of what there is
-        when standing, where that is less.
+        (N,) least distance of each pair of the model [m]: ``margin``, or half of the distance when
+        standing, if that is less.
     excluded:
-        The pairs that are not watched, and why.
+        Pairs that are not checked, and why.
     finer:
-        The pairs that have finer shapes than ``fit`` says, and how near these stand.
+        Pairs with finer shapes than those of ``fit``, and their distances when standing.
     unseen:
-        What most joints move, where the file has no collision shapes for it, and why it is not
-        kept apart; empty where most links have shapes.
+        If most joints' links have no collision shapes in the file: these links, and why they are
+        not checked; else empty.
 
     Raises
     ------
@@ -124,7 +124,7 @@ class SelfCollision(BodyMargin):
 
     @property
     def in_contact(self) -> dict[str, str]:
-        """Pairs that are not watched although nobody asked to leave them out, with the reason."""
+        """Pairs that are not checked although the user did not exclude them, with the reason."""
         return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
     def min_distances(self) -> Array:
@@ -152,8 +152,8 @@ class SelfCollision(BodyMargin):
 
 
 def _joints_without_shapes(robot: Robot, seen: set[int]) -> dict[str, str]:
-    """Return what is not kept apart, and why, if most joints' links have no collision shapes."""
-    joints = [*enumerate(robot.model.names)][2:]  # behind the world and the base
+    """Return links that are not checked, and why, if most joints' links have no shapes."""
+    joints = [*enumerate(robot.model.names)][2:]  # after the world and the base
     unseen = [str(name) for joint, name in joints if joint not in seen]
     if 2 * len(unseen) <= len(joints):
         return {}

@@ -1,4 +1,4 @@
-"""Sensors of a robot whose state is estimated: their section in a problem file."""
+"""The section of a problem file about the sensors of a robot whose state is estimated."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ NoiseKeys = Annotated[dict[str, Any], KeysOf(FilterNoise)]
 class DevicesSpec(Section):
     """The sensors of the robot, from which its state is estimated.
 
-    What is left out is as in a common humanoid; see :mod:`wbc.simulation.sensors_devices`.
+    Defaults are those of a common humanoid; see :mod:`wbc.simulation.sensors_devices`.
     """
 
     imus: ListOf[ImuKeys] = ()
-    """Where they are and how good; left out: one at the base."""
+    """Positions and accuracies of IMUs; left out: one at the base."""
     encoders: Annotated[dict[str, Any], KeysOf(Encoders, rates=bool)] = Field(default_factory=dict)
-    """Of all joints."""
+    """Encoders of all joints."""
     torques: Annotated[dict[str, Any], KeysOf(MotorTorques)] | None = Field(default_factory=dict)
-    """Of the motors; null: not measured. Without foot switches they tell which feet bear."""
+    """Torques of the motors; null: not measured. Without foot switches contacts are detected by
+    them."""
     feet: Annotated[dict[str, Any], KeysOf(FootSwitches)] | None = None
-    """Switches under the soles; {} for those; left out: there are none."""
+    """Switches under the soles; {} for defaults; left out: none."""
     bus: Annotated[dict[str, Any], KeysOf(MessageBus)] = Field(default_factory=dict)
-    """How messages come from the robot."""
+    """The bus that carries the robot's messages."""
     seed: Seed = 0
-    """Of the random numbers."""
+    """Seed of the random numbers."""
     estimator: Annotated[
         dict[str, Any], KeysOf(EstimatorSettings, noise=NoiseKeys, velocity_window=int, history=int)
     ] = Field(default_factory=dict)
-    """What the estimator counts on; the encoders' delay is known to it."""
+    """Noise that the estimator assumes; it knows the encoders' delay."""
 
     def made(self) -> Devices:
-        """Return them.
+        """Return the sensors.
 
         Raises
         ------
         InvalidInputError
-            Numbers that do not go together.
+            Numbers that contradict each other.
         """
         others = {"imus": tuple(Imu(**one) for one in self.imus)} if self.imus else {}
         return Devices(
@@ -61,7 +62,7 @@ class DevicesSpec(Section):
         )
 
     def settings(self) -> EstimatorSettings:
-        """Return those of the estimator."""
+        """Return the estimator's noise."""
         known: Mapping[str, Any] = {"encoder_delay": Encoders(**self.encoders).delay}
         given = {**known, **self.estimator}
         return EstimatorSettings(**{**given, "noise": FilterNoise(**given.get("noise", {}))})

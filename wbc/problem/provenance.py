@@ -1,4 +1,4 @@
-"""What a result was made with and from: versions, the problem's text and its overrides."""
+"""Provenance of a result: versions, the problem's text and its overrides."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this package, of Python and of what a result depends on.
+    """Return the versions of this package, of Python and of the packages that affect results.
 
-    After proxsuite's: its build, if that is one whose last bits vary
+    Proxsuite's is followed by its build if results of that vary in their last bits
     (:mod:`wbc.qp.proxqp_workspace`).
     """
     found = {
@@ -39,5 +39,5 @@ def version_of(package: str) -> str:
 
 
 def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem's file, text and overrides: what is needed to run it again."""
+    """Return a problem's file, text and overrides, with which it can be run again."""
     return {"file": source.name, "text": source.text, "overrides": plain(overrides)}

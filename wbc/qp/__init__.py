@@ -1,7 +1,7 @@
 """Quadratic programs, their solvers, and the check of every solution.
 
-A :class:`QP` goes to a :class:`Backend`; what comes back is a :class:`Solution` whose status rests
-on residuals and certificates recomputed here.
+A :class:`Backend` solves a :class:`QP` and returns a :class:`Solution`, whose status is verified by
+residuals and certificates that are recomputed here.
 """
 
 from wbc.qp.backend import Backend, SolverNotInstalledError, installed_solvers, make_backend

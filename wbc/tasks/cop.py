@@ -15,16 +15,16 @@ from wbc.validate import Array, read_only, real_array
 class CopTask(ForceTask):
     """Bring the centre of pressure to ``target``, of one contact or of all.
 
-    A CoP is a ratio of unknowns; for a wanted point the moment about it is linear in them, and zero
-    where the CoP is there. So the error is that moment [N m]: the distance, times the load.
+    The CoP is a ratio of unknowns, but the moment about a target point is linear in them, and zero
+    if the CoP is there. So the error is that moment [N m]: distance times load.
 
     Parameters
     ----------
     target:
-        The wanted point. Of all contacts: (3,) in the world [m], or (2,) at the mean height of the
-        contacts' frames. Of one contact: (2,) in the plane of its frame [m], from its origin.
+        The target point. For all contacts: (3,) in the world [m], or (2,) at the mean height of the
+        contacts' frames. For one contact: (2,) in the plane of its frame [m], from its origin.
     frame:
-        Of the contact; None for all.
+        Frame of the contact; None for all.
     """
 
     frame: str | None
@@ -47,7 +47,7 @@ class CopTask(ForceTask):
         self.set_target(target)
 
     def set_target(self, target: ArrayLike) -> None:
-        """Set the wanted point."""
+        """Set the target point."""
         point = target if isinstance(target, np.ndarray) else real_array(f"{self}, target", target)
         size = point.size
         if size != 2 and (size != 3 or self.frame is not None):
@@ -61,7 +61,7 @@ class CopTask(ForceTask):
         self._assign(_goal=goal, _about=read_only(about))
 
     def native(self) -> tuple[NativeRows, ...]:
-        """Return the moment about the wanted point: horizontal, or in the frame's plane."""
+        """Return the moment about the target point: horizontal, or in the frame's plane."""
         still = self._zeros()
         rows = NativeRows(Kind.COP, self.frame, (0, 1), still, still, (self._about,))
         return (rows._replace(moving=("", "", "_about")),)

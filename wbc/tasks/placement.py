@@ -1,4 +1,4 @@
-"""A wanted position and rotation at once, as one target."""
+"""A target of position and rotation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from wbc.validate import Array, finite_array, read_only
 
 
 class PlacementTask(Task):
-    """A task whose target is a position and a rotation; to assign one keeps the other, at rest."""
+    """A task with a position and a rotation as target; assigning one keeps the other, at rest."""
 
-    position: ArrayAttribute  # wanted, (3,) [m], read-only
-    rotation: ArrayAttribute  # wanted, (3, 3), read-only
-    _turn_rate: Array  # (3,) how the rotation moves
+    position: ArrayAttribute  # target (3,) [m], read-only
+    rotation: ArrayAttribute  # target (3, 3), read-only
+    _turn_rate: Array  # (3,) angular velocity of the target
     _turn_acceleration: Array  # (3,)
 
     def _set_attribute(self, name: str, value: Any) -> None:
@@ -35,13 +35,13 @@ class PlacementTask(Task):
         rate: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
-        """Set the wanted position (3,) [m] and rotation (3, 3), in the task's axes.
+        """Set the target position (3,) [m] and rotation (3, 3), in the task's axes.
 
         Parameters
         ----------
         rate, acceleration:
-            If they move: velocity [m/s] and angular velocity [rad/s] (6,), and the derivatives of
-            both, in the same axes.
+            For a moving target: velocity [m/s] and angular velocity [rad/s] (6,), and the
+            derivatives of both, in the same axes.
         """
         if rotation is None:
             raise InvalidInputError(

@@ -1,8 +1,8 @@
-"""Kinds of tasks and constraints, found by themselves.
+"""Types of tasks and constraints in problem files, registered on import.
 
-A file here describes what a problem file says of a kind or of some, and makes them: subclasses of
+Each file here describes the keys of one or several types, and builds them: subclasses of
 :class:`~wbc.problem.task_spec.TaskSpec` or :class:`~wbc.problem.constraint_spec.ConstraintSpec`
-whose ``type`` is its word in files.
+whose ``type`` is its name in problem files.
 """
 
 from importlib import import_module

@@ -48,17 +48,17 @@ DOUBLE = ("left", "right")
 
 
 class Over(Section):
-    """A place of the CoM above what the robot stands on."""
+    """A target of the CoM above the robot's feet."""
 
     over: Annotated[Name | Names, Forms("a foot, double, all, or a list of feet")]
-    """A foot, double for left and right together, all, or a list of feet: the middle of its sole,
-    or of those of several, where they are when the target is set."""
+    """A foot, double for left and right together, all, or a list of feet: the centre of its sole,
+    or of those of several, at the time when the target is set."""
     height: Number | None = None
-    """Height above the ground [m]; as it was if left out."""
+    """Height above the ground [m]; unchanged if left out."""
 
 
 def _form(value: object) -> str | None:
-    """Tell the mappings apart by the key that their first key is nearest to."""
+    """Choose the mapping by the key that is most similar to the first one given."""
     form = form_with_plan(value)
     if isinstance(value, BaseModel):
         return OVER.tag if isinstance(value, Over) else form
@@ -79,16 +79,16 @@ ComTarget = Annotated[
 
 
 class CapturePointLaw(Section):
-    """Gains by which the capture point goes to the target."""
+    """Gains that control the capture point to the target."""
 
     type: Literal["capture_point"]
     gain: Positive = default_of(AccelerationLaw.capture_point, "gain")
-    """How far beyond the capture point the centroidal moment pivot goes, by its error: kp = gain
-    omega^2 and kd = (1 + gain) omega, omega^2 = gravity / height."""
+    """Distance of the centroidal moment pivot beyond the capture point, relative to its error: kp =
+    gain omega^2 and kd = (1 + gain) omega, omega^2 = gravity / height."""
     spin: Positive | None = None
-    """Gain at the edges of the soles, where angular momentum has to help: at least gain, which is
-    then for what soles can press, and gets less where they can press no more. The height is the
-    CoM's over the soles, from tick to tick. Left out: gain, wherever the capture point is."""
+    """Gain at the edges of the soles, where angular momentum has to help; at least gain, which then
+    applies where the CoP alone suffices. The height is that of the CoM above the soles at each
+    tick. Left out: gain, wherever the capture point is."""
 
 
 class ComSpec(ErrorTaskSpec):
@@ -98,10 +98,10 @@ class ComSpec(ErrorTaskSpec):
 
     type: Literal["com"]
     axes: Axes = default_of(ComTask, "axes")
-    """Which world axes are controlled."""
+    """Controlled world axes."""
     target: ComTarget
-    """Wanted place [m], world axes; {over: left} puts it above a foot, {plan: ...} lets it go as a
-    plan says, {motion: ...} as a motion does."""
+    """Target position [m], world axes; {over: left} is above a foot, {plan: ...} follows a plan,
+    {motion: ...} a reference motion."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per axis [1/(m/s)]."""
     law: (
@@ -111,7 +111,7 @@ class ComSpec(ErrorTaskSpec):
         ]
         | None
     ) = None
-    """capture_point: kp and kd follow from the CoM's height at the start, so that the capture point
+    """capture_point: kp and kd are computed from the CoM's initial height so that the capture point
     goes to the target; of the torque level, for the axes x and y."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
@@ -135,7 +135,7 @@ class ComSpec(ErrorTaskSpec):
         )  # fmt: skip
 
     def _gains(self, start: Snapshot) -> dict[str, float | None]:
-        """Return kp and kd by the law, if one is given."""
+        """Return kp and kd of the law, if one is given."""
         if self.law is None:
             return {}
         for key in ("kp", "kd"):
@@ -150,7 +150,7 @@ class ComSpec(ErrorTaskSpec):
         return {"kp": law.kp, "kd": law.kd}
 
     def _attendant(self, task: ComTask) -> Callable[[Controller], UpdateLaw] | None:
-        """Return what makes the law follow the capture point, if it does."""
+        """Return the settings of a law for the capture point, if it is one."""
         law = self.law
         if not isinstance(law, CapturePointLaw) or law.spin is None:
             return None
@@ -158,7 +158,7 @@ class ComSpec(ErrorTaskSpec):
         return lambda controller: CaptureGain(controller, task, **gains).prepare
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:
-        """Return the feet that the target is above, all of which exist."""
+        """Return the feet above which the target lies, all of which exist."""
         if not isinstance(self.target, Over):
             return ()
         several = {"double": DOUBLE, "all": tuple(robot.feet)}

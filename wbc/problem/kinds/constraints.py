@@ -1,4 +1,4 @@
-"""Constraints: a frame in a box, the CoM over its feet, bodies kept apart, a trunk upright."""
+"""Constraints: a frame in a box, the CoM over the feet, no collisions, an upright trunk."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SHAPES = ("sphere", "capsule", "box", "half_space")
 
 
 class BoxSpec(ConstraintSpec):
-    """The origin of a frame is kept in a box along the world's axes."""
+    """Keep the origin of a frame in a box along the world's axes."""
 
     type: Literal["box"]
     frame: Name = "base"
@@ -65,16 +65,16 @@ class BoxSpec(ConstraintSpec):
 
 
 class ComSupportSpec(ConstraintSpec):
-    """The CoM is kept over the feet that stand."""
+    """Keep the CoM over the feet in contact."""
 
     type: Literal["com_support"]
     margin: NonNegative = default_of(ComSupport, "margin")
     """Distance from the edges of the support polygon [m]."""
     feet: Names | None = None
-    """The feet that count; left out: those that the support holds, phase by phase."""
+    """Feet of the support polygon; left out: those of the support in each phase."""
 
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
-        """Return the constraint, which is made anew for the feet that stand."""
+        """Return the constraint for the feet in contact."""
         if self.feet is not None:
             ComSupport.over(start, self.feet, margin=self.margin)
 
@@ -86,23 +86,23 @@ class ComSupportSpec(ConstraintSpec):
 
 
 class ObstacleSpec(Section):
-    """Something that the robot must keep away from: one of sphere, capsule, box, half_space."""
+    """An obstacle: one of sphere, capsule, box, half_space."""
 
     sphere: Positive | None = None
     """Radius [m], about its position."""
     capsule: Two[Positive] | None = None
-    """Radius and length [m] of the segment, upright about its position."""
+    """Radius, and length of the segment [m], which is vertical and centred at its position."""
     box: Three[Positive] | None = None
     """Sides [m] along x, y, z about its position."""
     half_space: Point | None = None
     """Outward normal of a wall through its position."""
     position: Point = (0.0, 0.0, 0.0)
-    """Where it is [m]."""
+    """Position at the start [m]."""
     velocity: Point = (0.0, 0.0, 0.0)
-    """How it moves [m/s], world axes; with method global it must not."""
+    """Velocity [m/s], world axes; must be zero with method global."""
 
     def build(self, name: str) -> Obstacle:
-        """Return the obstacle about the origin of its own frame.
+        """Return the obstacle in its own frame.
 
         Raises
         ------
@@ -124,28 +124,28 @@ class ObstacleSpec(Section):
         return Obstacle.half_space(name, np.array(self.half_space), 0.0)
 
     def move_to(self, obstacle: Obstacle, time: float) -> None:
-        """Put the obstacle where it is at ``time`` [s]."""
+        """Move the obstacle to its position at ``time`` [s]."""
         velocity = np.array(self.velocity)
         obstacle.move(np.eye(3), np.array(self.position) + time * velocity, velocity)
 
 
 class ObstaclesSpec(ConstraintSpec):
-    """The robot is kept away from things around it."""
+    """Keep the robot away from obstacles."""
 
     type: Literal["obstacles"]
     things: Annotated[dict[Name, ObstacleSpec], Field(min_length=1)]
-    """What is around, by name."""
+    """Obstacles by name."""
     margin: NonNegative = default_of(Obstacles, "margin")
     """Distance that is kept [m]."""
     links: Names = default_of(Obstacles, "links")
-    """Links that must keep away, by name or pattern."""
+    """Links that must keep their distance, by name or pattern."""
     pairs: Pairs = default_of(Obstacles, "pairs")
     """How many pairs, the nearest of all, get a row in each tick."""
     fit: Annotated[str, Words(FITS)] = default_of(Obstacles, "fit")
     """What meshes are replaced by; hulls are closer and slower."""
 
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
-        """Return the constraint, its obstacles where they are at the start."""
+        """Return the constraint, with its obstacles at their initial positions."""
         things = [(spec, spec.build(name)) for name, spec in self.things.items()]
         for spec, obstacle in things:
             spec.move_to(obstacle, 0.0)
@@ -175,7 +175,7 @@ class ObstaclesSpec(ConstraintSpec):
 
 
 class SelfCollisionSpec(ConstraintSpec):
-    """The robot's own bodies are kept apart."""
+    """Keep the robot's own bodies apart."""
 
     type: Literal["self_collision"]
     margin: NonNegative = default_of(SelfCollision, "margin")
@@ -185,9 +185,9 @@ class SelfCollisionSpec(ConstraintSpec):
     fit: Annotated[str, Words(FITS)] = default_of(SelfCollision, "fit")
     """What meshes are replaced by; hulls are closer and slower."""
     include: LinkPairs = default_of(SelfCollision, "include")
-    """Pairs of links, by name or pattern, to watch; left out: all that can meet."""
+    """Pairs of links to check, by name or pattern; left out: all that can collide."""
     exclude: LinkPairs = default_of(SelfCollision, "exclude")
-    """Pairs of links, by name or pattern, not to watch."""
+    """Pairs of links not to check, by name or pattern."""
 
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
         """Return the constraint."""
@@ -199,7 +199,7 @@ class SelfCollisionSpec(ConstraintSpec):
 
 
 class TiltSpec(ConstraintSpec):
-    """What points up in a frame at the start is kept within an angle of the vertical."""
+    """Keep the initially vertical axis of a frame within an angle of the vertical."""
 
     type: Literal["tilt"]
     frame: Name = "base"
@@ -207,7 +207,7 @@ class TiltSpec(ConstraintSpec):
     angle: Positive
     """Largest tilt [rad]."""
     braking: Positive = TILT_BRAKING
-    """Deceleration to count on before it [rad/s^2]."""
+    """Deceleration assumed for braking before it [rad/s^2]."""
 
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
         """Return the constraint."""

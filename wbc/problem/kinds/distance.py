@@ -15,15 +15,15 @@ from wbc.validate import Array
 
 
 class DistanceSpec(ErrorTaskSpec):
-    """How far the origins of two frames are apart."""
+    """Distance between the origins of two frames."""
 
     type: Literal["distance"]
     frame: Name
     """A link, joint or other frame of the robot."""
     other: Name
-    """The frame that it is measured from."""
+    """The frame from which it is measured."""
     target: NonNegative
-    """Wanted distance [m]."""
+    """Target distance [m]."""
     weight: NonNegative = 1.0
     """Weight of the task [1/(m/s)]."""
 

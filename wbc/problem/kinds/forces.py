@@ -1,4 +1,4 @@
-"""What the torque level decides: contact forces, where and how they act, and joint torques."""
+"""Tasks of the torque level: contact forces, their CoP and distribution, and joint torques."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ Torques = Annotated[
 
 
 class ContactForceSpec(ForceTaskSpec):
-    """The force and moment that the ground gives a contact; of the torque level.
+    """The force and moment of the ground on a contact; of the torque level.
 
-    In a phase in which the frame is no contact, the task rests.
+    While the frame is no contact, the task is off.
     """
 
     type: Literal["contact_force"]
@@ -54,11 +54,11 @@ class ContactForceSpec(ForceTaskSpec):
     components: Annotated[NonEmpty[Annotated[str, Words(WRENCH)]], Distinct] = default_of(
         ContactForceTask, "components"
     )
-    """Which of fx fy fz mx my mz, world axes, at the frame's origin."""
+    """Components among fx fy fz mx my mz, world axes, at the frame's origin."""
     target: Annotated[ListOf[Number], Field(min_length=1, max_length=6)] = default_of(
         ContactForceTask, "target"
     )
-    """Wanted force [N], then moment [N m]: six numbers, or one for each component."""
+    """Target force [N], then moment [N m]: six numbers, or one for each component."""
     weight: Weight = default_of(ContactForceTask, "weight")
     """Weight of the task, one number or one per row, on the error times dt over the robot's mass
     [1/(m/s)]."""
@@ -81,7 +81,7 @@ class ContactForceSpec(ForceTaskSpec):
 class CopSpec(ForceTaskSpec):
     """The centre of pressure, of one contact or of all; of the torque level.
 
-    In a phase in which the frame is no contact, the task rests.
+    While the frame is no contact, the task is off.
     """
 
     of_plan: ClassVar[tuple[str, ...]] = ("cop",)
@@ -90,11 +90,10 @@ class CopSpec(ForceTaskSpec):
     frame: Name | None = default_of(CopTask, "frame")
     """Frame of a contact; left out: the CoP of all contacts."""
     target: CopTarget
-    """Wanted point [m]. Of all contacts [x, y] or [x, y, z] in the world, or {plan: ...}, as a plan
-    says, or {motion: ...}, as a motion does; of one contact [x, y] in the axes of its frame, from
-    its origin."""
+    """Target point [m]. For all contacts [x, y] or [x, y, z] in the world, {plan: ...} to follow a
+    plan, or {motion: ...} a reference motion; for one contact [x, y] in its frame."""
     weight: Weight = default_of(CopTask, "weight")
-    """Weight of the task, one number or one per row (mx, my), on the moment about the wanted point
+    """Weight of the task, one number or one per row (mx, my), on the moment about the target point
     times dt over the robot's mass [1/(m^2/s)]."""
 
     @property
@@ -103,7 +102,7 @@ class CopSpec(ForceTaskSpec):
         return () if self.frame is None else (self.frame,)
 
     def check_change(self, before: Self) -> None:
-        """Refuse a point with a height after one without, and the other way round."""
+        """Refuse a point with a height after one without, and vice versa."""
         if isinstance(self.target, Followed) or isinstance(before.target, Followed):
             return
         if len(self.target) != len(before.target):
@@ -119,7 +118,7 @@ class CopSpec(ForceTaskSpec):
         return force_target(task, goal)
 
     def _goal(self, start: Snapshot) -> Array:
-        """Return the wanted point, (2,) or (3,) [m]; below the CoM until a plan begins."""
+        """Return the target point, (2,) or (3,) [m]; below the CoM until a plan begins."""
         if isinstance(self.target, Followed):
             if self.frame is not None:
                 raise Misplaced("a plan has the CoP of all contacts; leave this out", "frame")
@@ -132,15 +131,14 @@ class CopSpec(ForceTaskSpec):
 
 
 class ForceRateSpec(ForceTaskSpec):
-    """Wrenches of contacts as the last tick decided them; of the torque level.
+    """Changes of contact wrenches from tick to tick; of the torque level.
 
-    It is nothing in the first tick of a run or phase. As to frames that are no contacts in a phase,
-    it rests.
+    It is off in the first tick of a run or phase, and for frames that are no contacts.
     """
 
     type: Literal["force_rate"]
     target: Literal["last"] = "last"
-    """What is wanted: the wrenches of the last tick."""
+    """The target: the wrenches of the last tick."""
     frames: Annotated[Names, Distinct] | None = default_of(ForceRateTask, "frames")
     """Frames of contacts; left out: the soles of the robot's feet."""
     weight: NonNegative = default_of(ForceRateTask, "weight")
@@ -158,10 +156,10 @@ class ForceRateSpec(ForceTaskSpec):
 
 
 class LoadShareSpec(ForceTaskSpec):
-    """How contacts share the vertical force that they bear together; of the torque level.
+    """Distribution of the total vertical force over contacts; of the torque level.
 
-    In a phase in which some of them are no contacts, the others share in proportion; with one or
-    none left, the task rests.
+    If some of them are no contacts in a phase, the shares of the others stay in proportion; with
+    less than two the task is off.
     """
 
     type: Literal["load_share"]
@@ -174,11 +172,11 @@ class LoadShareSpec(ForceTaskSpec):
 
     @property
     def contact_frames(self) -> tuple[str, ...]:
-        """Those that share, in an order that does not depend on how the file writes them."""
+        """The contacts, in an order that does not depend on that in the file."""
         return tuple(sorted(self.target))
 
     def check_change(self, before: Self) -> None:
-        """Refuse other frames."""
+        """Refuse a change of the frames."""
         if self.contact_frames != before.contact_frames:
             raise Misplaced(
                 f"needs the frames that the task has: {', '.join(before.contact_frames)}", "target"
@@ -191,19 +189,19 @@ class LoadShareSpec(ForceTaskSpec):
             raise Misplaced("the shares must not all be 0", "target")
         shares = {frame: self.target[frame] for frame in frames}
         task = LoadShareTask(start.robot, shares, name=name, **self.settings(frames))
-        goal = task.target / task.target.sum()  # so that a change is even, whatever the numbers
+        goal = task.target / task.target.sum()  # normalised, so that it changes smoothly
         return force_target(task, goal)
 
 
 class TorqueTaskSpec(ForceTaskSpec):
-    """Joint torques: as small as can be, or near given ones; of the torque level."""
+    """Joint torques, near zero or given values; of the torque level."""
 
     type: Literal["torque"]
     target: Torques = default_of(TorqueTask, "target")
-    """Wanted torques [N m or N]: one for all, by joint name or pattern (all others 0), or a list of
+    """Target torques [N m or N]: one for all, by joint name or pattern (all others 0), or a list of
     those of all joints of the robot."""
     joints: Annotated[Names, Distinct] = default_of(TorqueTask, "joints")
-    """Names or patterns ("*_knee*") of the joints that count."""
+    """Names or patterns ("*_knee*") of the joints of the task."""
     weight: NonNegative = default_of(TorqueTask, "weight")
     """Weight of the task, on the error times dt over the robot's mass [1/(m^2/s)]."""
 

@@ -1,4 +1,4 @@
-"""Frames of the robot: position, orientation, both, or where an axis points."""
+"""Frames of the robot: position, orientation, both, or the direction of an axis."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from wbc.validate import Array
 
 
 class FrameSpec(ErrorTaskSpec):
-    """What tasks of a frame have in common."""
+    """Keys of all tasks of a frame."""
 
     type: Literal["frame"]
     frame: Name
@@ -57,9 +57,9 @@ class PositionSpec(FrameSpec):
 
     control: Literal["position"]
     axes: Axes = default_of(PositionTask, "axes")
-    """Which world axes are controlled."""
+    """Controlled world axes."""
     target: PointTarget
-    """Wanted place [m], world axes."""
+    """Target position [m], world axes."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -79,7 +79,7 @@ class OrientationSpec(FrameSpec):
 
     control: Literal["orientation"]
     target: TurnTarget
-    """Wanted orientation, or {motion: ...}, as a motion has it."""
+    """Target orientation, or {motion: ...} to follow a reference motion."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -100,9 +100,9 @@ class PlacementTarget(Section):
     """Position and orientation of a frame."""
 
     position: PointTarget = "start"
-    """Where its origin should be [m], world axes."""
+    """Target position of its origin [m], world axes."""
     orientation: RotationTarget = "start"
-    """How it should be turned."""
+    """Target orientation."""
 
 
 class PoseSpec(FrameSpec):
@@ -110,7 +110,7 @@ class PoseSpec(FrameSpec):
 
     control: Literal["pose"]
     target: Annotated[PlacementTarget | Start, Forms("{position: ..., orientation: ...}, or start")]
-    """Wanted position and orientation."""
+    """Target position and orientation."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -129,13 +129,13 @@ class PoseSpec(FrameSpec):
 
 
 class AxisSpec(FrameSpec):
-    """The direction in which one axis of a frame points; it may turn about that axis."""
+    """The direction of one axis of a frame; rotation about that axis is free."""
 
     control: Literal["axis"]
     axis: Point = tuple(float(entry) for entry in default_of(AxisTask, "axis"))
     """The axis, in the frame's own axes."""
     target: Annotated[Point | Start, Forms("a direction [x, y, z], or start")]
-    """Wanted direction, world axes; its length does not matter."""
+    """Target direction, world axes, of any length."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""

@@ -81,23 +81,24 @@ class InertiaSpec(ErrorTaskSpec):
 
     type: Literal["inertia"]
     components: Components = "all"
-    """Which entries of the matrix: all six, the diagonal, the trace, the principal moments, or a
-    list of entries."""
+    """Entries of the matrix: all six, the diagonal, the trace, the principal moments, or a list of
+    entries."""
     frame: Name = default_of(InertiaTask, "frame")
-    """Whose axes: world, base (the joints alone then decide) or any frame of the robot."""
+    """Axes of the components: world, base (where only the joints matter) or any robot frame."""
     about: About = default_of(InertiaTask, "about")
-    """About which point: com, world (its origin), a frame (its origin, moving with the robot), or a
+    """Reference point: com, world (its origin), a frame (its origin, moving with the robot), or a
     point [x, y, z] fixed in the world [m]."""
     target: InertiaTarget
-    """Wanted inertia [kg m^2], or {scale: ...} of the one at the start, or {plan: ...}, as a plan
-    says, or {motion: ...}, as a motion does."""
+    """Target inertia [kg m^2], {scale: ...} of the initial one, {plan: ...} to follow a plan, or
+    {motion: ...} a reference motion."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m^2/s)]."""
     per_mass: bool = default_of(InertiaTask, "per_mass")
-    """Divide the error by the robot's mass, so that a weight means the same on every robot."""
+    """Whether to divide the error by the robot's mass, so that weights are comparable between
+    robots."""
     second_order: bool = default_of(InertiaTask, "second_order")
-    """Use the curvature of the inertia: for a target out of reach, where it converges much faster
-    (about 0.2 ms more per tick). Not for principal moments."""
+    """Whether to use the curvature of the inertia, with which unreachable targets converge much
+    faster (about 0.2 ms more per tick). Not for principal moments."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -129,7 +130,7 @@ class InertiaSpec(ErrorTaskSpec):
         return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
-        """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
+        """Return the target inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
         if isinstance(self.target, Followed) and self.frame != "world":
             raise Misplaced("a plan has the inertia in world axes; leave this out", "frame")
         if isinstance(self.target, Followed) and self.about != COM:
@@ -177,7 +178,7 @@ class InertiaSpec(ErrorTaskSpec):
         return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _principal_goal(self, start: Array) -> Array:
-        """Return the wanted principal moments (3,) [kg m^2], smallest first."""
+        """Return the target principal moments (3,) [kg m^2], smallest first."""
         if isinstance(self.target, Followed):
             raise Misplaced("of a plan give entries of the matrix, such as diagonal", "components")
         if isinstance(self.target, str):

@@ -37,15 +37,15 @@ PostureTarget = Annotated[
 
 
 class PostureSpec(ErrorTaskSpec):
-    """The joints: at a low weight, where to be as far as the other tasks leave it open."""
+    """The joints' positions; with a low weight, for the motions that other tasks leave free."""
 
     of_plan: ClassVar[tuple[str, ...]] = ("q", "v", "acceleration")
 
     type: Literal["posture"]
     target: PostureTarget = "start"
     """A posture of the robot by name, or joint values [rad or m] by name or pattern; joints that
-    are not named keep the value at the start. Or {loop: ...}, a closed path from the start of the
-    run on; {motion: ...}, as a motion does."""
+    are not named keep their initial values. Or {loop: ...}, a closed path from the start of the
+    run, or {motion: ...} to follow a reference motion."""
     joints: dict[Name, NonNegative] = Field(default_factory=dict)
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     weight: NonNegative = 1.0

@@ -1,4 +1,4 @@
-"""Rest and momentum: tasks about rates, which no posture has."""
+"""Rest and momentum: tasks of velocities, which do not depend on the posture alone."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ MomentumTarget = Annotated[
 
 
 class DampingSpec(MotionTaskSpec):
-    """Rest: velocities as low as the other tasks leave them."""
+    """Rest: velocities as low as other tasks allow."""
 
     type: Literal["damping"]
     target: Literal["rest"] = "rest"
-    """What is wanted: rest."""
+    """The target: rest."""
     joints: dict[Name, NonNegative] = Field(default_factory=dict)
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     base: bool = default_of(DampingTask, "base")
-    """Whether the base's velocity counts too."""
+    """Whether to include the base's velocity."""
     kd: NonNegative | None = None
     """At the torque level: velocities decay as exp(-kd t) [1/s]; left out: 20."""
     weight: NonNegative = 1.0
@@ -75,8 +75,8 @@ class MomentumSpec(MotionTaskSpec):
     kd: NonNegative | None = None
     """At the torque level: the error decays as exp(-kd t) [1/s]; left out: 20."""
     target: MomentumTarget = default_of(MomentumTask, "target")
-    """Wanted momentum, linear [kg m/s] then angular [kg m^2/s], world axes: six numbers, or one for
-    each component; or {plan: ...}, as a plan says, or {motion: ...}, as a motion does."""
+    """Target momentum, linear [kg m/s] then angular [kg m^2/s], world axes: six numbers, or one for
+    each component; or {plan: ...} to follow a plan, or {motion: ...} a reference motion."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m/s)] or [1/(kg m^2/s)]."""
 

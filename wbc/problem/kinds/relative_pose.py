@@ -1,4 +1,4 @@
-"""Pose of one frame as seen from another."""
+"""Pose of one frame relative to another."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from wbc.validate import Array
 
 
 class RelativePoseSpec(ErrorTaskSpec):
-    """Where a frame is, and how it is turned, as seen from another frame of the robot."""
+    """Position and orientation of a frame relative to another frame of the robot."""
 
     type: Literal["relative_pose"]
     frame: Name
     """A link, joint or other frame of the robot."""
     relative_to: Name
-    """The frame that it is seen from."""
+    """The reference frame."""
     components: Annotated[NonEmpty[Annotated[str, Words(AXES + TURNS)]], Distinct] = default_of(
         RelativePoseTask, "components"
     )
-    """Which of x y z rx ry rz are controlled, in axes of ``relative_to``."""
+    """Controlled components among x y z rx ry rz, in axes of ``relative_to``."""
     target: Annotated[
         PlacementTarget | Start, Forms("{position: ..., orientation: ...}, or start")
     ] = "start"
-    """Wanted position [m] and orientation, in axes of ``relative_to``."""
+    """Target position [m] and orientation, in axes of ``relative_to``."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
 

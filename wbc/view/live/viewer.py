@@ -1,4 +1,4 @@
-"""The viewer as a program uses it: a robot, and the ticks of its controller, shown in a browser."""
+"""The viewer's interface: shows a robot, and the ticks of its controller, in a browser."""
 
 from __future__ import annotations
 
@@ -48,46 +48,45 @@ class Update(NamedTuple):
 class Viewer:
     """Shows a robot in a web browser while a program moves it.
 
-        viewer = wbc.view.Viewer(robot)       # prints where to look
+        viewer = wbc.view.Viewer(robot)       # prints the address
         viewer.show(q)                        # a configuration
         viewer.update(snapshot, tick)         # in a control loop, once per tick
 
-    The page is served by a process of its own. :meth:`update` stores one reference and never
-    waits; about 25 times a second the latest is sent, and what came between is dropped. The
-    page may be closed, reloaded or opened twice: the loop does not notice.
+    The page is served by a process of its own. :meth:`update` stores one reference and never waits;
+    the latest is sent about 25 times a second, and others are dropped. The page may be closed,
+    reloaded or opened twice: the loop does not notice.
 
     Parameters
     ----------
     controller:
-        Whose targets and weights the page may change; :meth:`update` applies the changes, so they
-        come between ticks. Without one the page shows and changes nothing.
+        The controller whose targets and weights the page may change; :meth:`update` applies the
+        changes, so they come between ticks. Without one the page shows and changes nothing.
     host, port:
-        Where the page is served. Only this machine can open it unless another host is given;
-        whoever opens it may steer. By default the first free port from 8080 on.
+        Address of the page. Only this machine can open it unless another host is given; anyone who
+        opens it can control the robot. By default the first free port from 8080 on.
     title:
         Of the page.
     steer:
         False: the page shows the controller and changes nothing.
     clock:
-        Whether the page has buttons to pause, step and begin again; what they ask for is told by
-        :meth:`next_request`.
+        Whether the page has buttons to pause, step and restart; :meth:`next_request` returns their
+        requests.
     push:
-        The largest push that the page offers [N s], beside pulls by dragging the robot; what the
-        user asks for is told by :meth:`next_request`, and whoever moves the robot gives it. 0:
-        neither.
+        The largest push that the page offers [N s], besides pulls by dragging the robot.
+        :meth:`next_request` returns the requests, and the caller applies them. 0: neither.
     terrain:
-        What the robot stands on; by default level ground at z = 0.
+        The terrain; by default level ground at z = 0.
     beside:
-        Another robot that is shown beside, where frames of :meth:`replay` have it.
+        A second robot to show, at its poses in the frames of :meth:`replay`.
     quiet:
-        Do not print where to look.
+        Do not print the address.
 
     Attributes
     ----------
     url:
-        Where to look.
+        Address of the page.
     error:
-        Why the page has ended, if it has; the loop goes on all the same.
+        Why the page has ended, if it has; the loop continues.
 
     Raises
     ------
@@ -139,7 +138,7 @@ class Viewer:
         ]
         for thread in self._threads:
             thread.start()
-        atexit.register(self.close)  # threads that are still waiting would keep what they know of
+        atexit.register(self.close)  # else waiting threads would keep their references
         if not quiet:
             print(f"viewer: {self.url}", flush=True)
 
@@ -182,22 +181,22 @@ class Viewer:
         push: Array | None = None,
         pull: PullForce | None = None,
     ) -> None:
-        """Show a state and what the controller answered; never waits.
+        """Show a state and the controller's tick; never waits.
 
-        What the user asked for on the page is applied to the controller's tasks now.
+        Applies the user's requests on the page to the controller's tasks.
 
         Parameters
         ----------
         time:
-            [s]; by default that since the first call.
+            Time [s]; by default since the first call.
         seconds:
-            The tick's whole time, by default what the tick knows of it.
+            Duration of the tick's computation [s], by default as the tick has it.
         phase, remark, playing:
-            Shown beside the time: the phase of the run, what should be known, whether it is paused.
+            Shown next to the time: the phase of the run, a remark, and whether it is paused.
         push:
             (3,) force that pushes the robot now [N], world axes.
         pull:
-            What the user pulls at, and how.
+            The user's pull.
         """
         self.steer()
         if time is None:
@@ -210,9 +209,9 @@ class Viewer:
         self._put += 1
 
     def steer(self) -> None:
-        """Set the targets and weights that the user wants; :meth:`update` does it too.
+        """Set the targets and weights that the user requested; :meth:`update` does so too.
 
-        A program that sets targets of its own in every tick calls it between that and the step.
+        A program that sets targets itself in every tick calls this afterwards, before the step.
         """
         controller = self.controller
         if controller is None:
@@ -232,14 +231,14 @@ class Viewer:
         return bool(self._wishes)
 
     def wait_for_user(self, seconds: float = math.inf) -> None:
-        """Wait for a request, for the page's end, or at most so long."""
+        """Wait for a request or the page's end, at most for a timeout."""
         self._asked.wait(seconds if math.isfinite(seconds) else None)
-        self._asked.clear()  # before what is wanted is looked at, so that nothing is missed
+        self._asked.clear()  # before requests are read, so that none is missed
         if self.closed:
             self._asked.set()
 
     def replay(self, frames: Sequence[Frame]) -> None:
-        """Show frames of a whole run, instead of those that were sent while it ran."""
+        """Show the frames of a whole run instead of those sent during it."""
         self._recorded = WholeRun(tuple(frames))
 
     def wait(self) -> None:
@@ -279,7 +278,7 @@ class Viewer:
     # ------------------------------------------------------------------ threads
 
     def _send(self) -> None:
-        """Send the latest news, at most every :data:`PERIOD`."""
+        """Send the latest update, at most every :data:`PERIOD`."""
         known: tuple[object, ...] = ()
         while not self._closed.wait(PERIOD):
             news = self._news.popleft() if self._news else None
