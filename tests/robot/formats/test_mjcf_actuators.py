@@ -57,6 +57,20 @@ def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
         np.testing.assert_allclose(data.qfrc_actuator[6:], sign * robot.limits.effort)
 
 
+@pytest.mark.parametrize("dynamics", ["filter", "filterexact"])
+def test_filtered_motors_give_what_their_controls_bound(tmp_path: Path, dynamics: str) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    filtered = f'dyntype="{dynamics}" dynprm=".01" gainprm="5" ctrlrange="-2 2"'
+    content = text(f'<general joint="motor" {filtered}/>')
+    robot = load(tmp_path, content)
+    model = mujoco.MjModel.from_xml_string(content)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 1e6
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(robot.limits.effort[0], data.qfrc_actuator[6], rtol=1e-6)
+
+
 def test_actuators_after_one_with_two_controls_keep_their_ranges(tmp_path: Path) -> None:
     """Newer MuJoCo counts controls, which are more than actuators."""
     two = (

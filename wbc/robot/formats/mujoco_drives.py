@@ -121,10 +121,12 @@ def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
     gear, force = float(model.actuator_gear[motor, 0]), UNBOUNDED
     if model.actuator_forcelimited[motor]:
         force = _range(model.actuator_forcerange[motor])
+    dynamics = mujoco.mjtDyn  # activations of filters follow the control, and stay in its range
+    followers = dynamics.mjDYN_NONE, dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT
     plain = (
         model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
-        and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
+        and int(model.actuator_dyntype[motor]) in map(int, followers)
     )
     first = int(getattr(model, "actuator_ctrladr", range(motor + 1))[motor])  # of its controls
     if plain and model.actuator_ctrllimited[first]:  # force in proportion to the control
