@@ -28,7 +28,7 @@ class DevicesSpec(Section):
     imus: ListOf[ImuKeys] = ()
     """Positions and accuracies of IMUs; left out: one at the base."""
     encoders: Annotated[dict[str, Any], KeysOf(Encoders, rates=bool)] = Field(default_factory=dict)
-    """Encoders of all joints."""
+    """Accuracy of the encoders of all joints."""
     torques: Annotated[dict[str, Any], KeysOf(MotorTorques)] | None = Field(default_factory=dict)
     """Torques of the motors; null: not measured. Without foot switches contacts are detected by
     them."""
