@@ -13,7 +13,7 @@ from paper_figures import (
     PROBLEMS,
     base_diagonal,
     numeric_gradient,
-    projected,
+    projected_norm,
     scipy_error,
 )
 from scipy.spatial import ConvexHull
@@ -29,8 +29,8 @@ def test_fig6_ends_at_a_bound_constrained_optimum(name: str) -> None:
     assert result.status == "converged", result.reason
     robot, start = problem.parts.robot, problem.parts.start
     q = result.q
-    first = projected(robot, start, numeric_gradient(robot, start, target))
-    last = projected(robot, q, numeric_gradient(robot, q, target))
+    first = projected_norm(robot, start, numeric_gradient(robot, start, target))
+    last = projected_norm(robot, q, numeric_gradient(robot, q, target))
     assert last < 1e-4 * first
     error = np.linalg.norm(base_diagonal(robot, q) - target)
     assert error <= 1.05 * scipy_error(robot, start, target)

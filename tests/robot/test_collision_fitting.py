@@ -118,11 +118,11 @@ def test_parts_do_not_depend_on_the_last_bits(robot_named, rng, monkeypatch) -> 
     bodies = robot_bodies(robot)
     names = [body.name for body in bodies]
     pair = names.index("r_upper_arm"), names.index("r_forearm")
-    apart, found = FinerShapes._apart, set()
+    apart, found = FinerShapes._part_distance, set()
     for scale in (0.0, *[1e-12] * 4):
         monkeypatch.setattr(
             FinerShapes,
-            "_apart",
+            "_part_distance",
             lambda *args, scale=scale: apart(*args) + scale * rng.uniform(-1.0, 1.0),
         )
         finer = FinerShapes(robot, bodies).pair(pair, 3e-3)

@@ -26,10 +26,11 @@ _LIMITS = ("lower", "upper", "velocity", "effort", "kp", "kd", "torque_rate")
 _NUMBERS = ("overrun", "overspeed", "overload", "warm", "hot")
 # Thresholds of the checks of sensors, by their names in Python.
 _CHECKS = (
-    *("OLDEST", "CLOCK_JUMP", "AGREE_AGAIN", "FARTHEST", "FASTEST", "FASTEST_TURN", "HARDEST"),
-    *("NORM", "JUMP", "WINDOW", "FROZEN", "RATE_OFF", "RATE_PART", "TURN_OFF", "TURN_PART"),
-    *("GRAVITY_OFF", "GRAVITY_TIME", "WEAKEST", "STRONGEST", "LONGEST_FALL", "TORQUE_OFF"),
-    *("COLDEST", "HOTTEST"),
+    *("MAX_AGE", "CLOCK_JUMP", "CLOCK_AGREEMENT", "MAX_OVERRUN", "MAX_SPEED_RATIO"),
+    *("MAX_GYROSCOPE", "MAX_ACCELEROMETER", "NORM_TOLERANCE", "POSITION_JUMP", "WINDOW"),
+    *("FROZEN_TIME", "RATE_OFFSET", "RATE_RATIO", "GYRO_TOLERANCE", "GYRO_RATIO"),
+    *("GRAVITY_ANGLE", "GRAVITY_TIME", "MIN_GRAVITY", "MAX_GRAVITY", "MAX_FALL_TIME"),
+    *("TORQUE_TOLERANCE", "MIN_TEMPERATURE", "MAX_TEMPERATURE"),
 )
 
 

@@ -41,21 +41,21 @@ static int timely(wbc_checks *c, double time, double now) {
     const double offset = now - time;
     if (!c->knows_offset) c->offset = offset, c->knows_offset = 1;
     const double age = offset - c->offset;
-    if (age > -WBC_CLOCK_JUMP && age <= WBC_OLDEST) {
+    if (age > -WBC_CLOCK_JUMP && age <= WBC_MAX_AGE) {
         /* The freshest reading so far is new; 1e-4 of it is forgotten, for clocks that drift. */
         const double drifted = c->offset + 1e-4 * (age > 0.0 ? age : 0.0);
         c->offset = offset < drifted ? offset : drifted;
         c->strangers = 0;
         return -1;
     }
-    if (c->strangers == WBC_AGREE_AGAIN) memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
+    if (c->strangers == WBC_CLOCK_AGREEMENT) memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
     c->strange[c->strangers++] = offset;
     double low = offset, high = offset;
     for (int k = 0; k < c->strangers; k++) {
         low = c->strange[k] < low ? c->strange[k] : low;
         high = c->strange[k] > high ? c->strange[k] : high;
     }
-    if (c->strangers == WBC_AGREE_AGAIN && high - low < WBC_OLDEST && fabs(age) > WBC_CLOCK_JUMP) {
+    if (c->strangers == WBC_CLOCK_AGREEMENT && high - low < WBC_MAX_AGE && fabs(age) > WBC_CLOCK_JUMP) {
         c->jumped_back += low - c->offset, c->strangers = 0;
         return WBC_FAULT_CLOCK_JUMPED;
     }
@@ -66,14 +66,14 @@ static int possible(const wbc_reading *r) {
     double norm = 0.0;
     for (int j = 0; j < WBC_JOINTS; j++) {
         const double q = r->position[j];
-        if (q - wbc_limits.upper[j] > WBC_FARTHEST || wbc_limits.lower[j] - q > WBC_FARTHEST) return 0;
-        if (fabs(r->velocity[j]) - WBC_FASTEST * wbc_limits.velocity[j] > 0.0) return 0;
-        if (r->temperature[j] < WBC_COLDEST || r->temperature[j] > WBC_HOTTEST) return 0;
+        if (q - wbc_limits.upper[j] > WBC_MAX_OVERRUN || wbc_limits.lower[j] - q > WBC_MAX_OVERRUN) return 0;
+        if (fabs(r->velocity[j]) - WBC_MAX_SPEED_RATIO * wbc_limits.velocity[j] > 0.0) return 0;
+        if (r->temperature[j] < WBC_MIN_TEMPERATURE || r->temperature[j] > WBC_MAX_TEMPERATURE) return 0;
     }
     for (int i = 0; i < 4; i++) norm += r->quaternion[i] * r->quaternion[i];
-    if (fabs(sqrt(norm) - 1.0) > WBC_NORM) return 0;
+    if (fabs(sqrt(norm) - 1.0) > WBC_NORM_TOLERANCE) return 0;
     for (int i = 0; i < 3; i++)
-        if (fabs(r->rate[i]) > WBC_FASTEST_TURN || fabs(r->force[i]) > WBC_HARDEST) return 0;
+        if (fabs(r->rate[i]) > WBC_MAX_GYROSCOPE || fabs(r->force[i]) > WBC_MAX_ACCELEROMETER) return 0;
     return 1;
 }
 
@@ -90,12 +90,12 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
         /* Half of the velocity limit beyond what was measured: the limits alone allow 0.06 rad. */
         const double measured = fabs(last->velocity[j]) + 5.0;
         const double reach =
-            WBC_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
+            WBC_POSITION_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
         if (fabs(r->position[j] - last->position[j]) - reach > 0.0) return 1;
     }
     for (int i = 0; i < 4; i++) along += r->quaternion[i] * last->quaternion[i];
     const double turn = 2.0 * acos(fabs(along) < 1.0 ? fabs(along) : 1.0);
-    return turn > 2.0 * WBC_JUMP + passed * (sqrt(dot3(last->rate, last->rate)) + 10.0);
+    return turn > 2.0 * WBC_POSITION_JUMP + passed * (sqrt(dot3(last->rate, last->rate)) + 10.0);
 }
 
 int wbc_checks_refused(wbc_checks *c, wbc_reading *r, double now) {
@@ -130,7 +130,7 @@ static void compare_rates(const wbc_checks *c, const wbc_reading *r, wbc_safety 
     for (int j = 0; j < WBC_JOINTS; j++) {
         const double rate = (r->position[j] - first->position[j]) / passed, reported = c->velocities[j] / count;
         const double larger = fabs(rate) > fabs(reported) ? fabs(rate) : fabs(reported);
-        disagrees |= fabs(rate - reported) - WBC_RATE_OFF - WBC_RATE_PART * larger > 0.0;
+        disagrees |= fabs(rate - reported) - WBC_RATE_OFFSET - WBC_RATE_RATIO * larger > 0.0;
     }
     if (disagrees) wbc_safety_report(s, WBC_FAULT_ENCODER_DISAGREES);
     wbc_rotation(first->quaternion, before), wbc_rotation(r->quaternion, now);
@@ -139,7 +139,7 @@ static void compare_rates(const wbc_checks *c, const wbc_reading *r, wbc_safety 
     double off[3], spun[3];
     for (int i = 0; i < 3; i++) spun[i] = c->spins[i] / count, off[i] = turn[i] - spun[i];
     const double larger = norm3(turn) > norm3(spun) ? norm3(turn) : norm3(spun);
-    if (norm3(off) > WBC_TURN_OFF + WBC_TURN_PART * larger) wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
+    if (norm3(off) > WBC_GYRO_TOLERANCE + WBC_GYRO_RATIO * larger) wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
 }
 
 static void compare_gravity(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
@@ -150,9 +150,9 @@ static void compare_gravity(wbc_checks *c, const wbc_reading *r, wbc_safety *s) 
     const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
     for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
     const double size = norm3(c->gravity); /* in free fall there is no direction */
-    if (!c->count || (size >= WBC_WEAKEST && size <= WBC_STRONGEST)) c->weighed = r->time;
-    if (r->time - c->weighed > WBC_LONGEST_FALL ||
-        (size >= WBC_WEAKEST && c->gravity[2] < size * cos(WBC_GRAVITY_OFF)))
+    if (!c->count || (size >= WBC_MIN_GRAVITY && size <= WBC_MAX_GRAVITY)) c->weighed = r->time;
+    if (r->time - c->weighed > WBC_MAX_FALL_TIME ||
+        (size >= WBC_MIN_GRAVITY && c->gravity[2] < size * cos(WBC_GRAVITY_ANGLE)))
         wbc_safety_report(s, WBC_FAULT_GRAVITY_DISAGREES);
 }
 
@@ -162,7 +162,7 @@ static void check_frozen(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
         const double *now = k ? r->force : r->rate, *before = last ? (k ? last->force : last->rate) : now;
         const int same = now[0] == before[0] && now[1] == before[1] && now[2] == before[2];
         if (!last || !same) c->changed[k] = r->time;
-        else if (r->time - c->changed[k] > WBC_FROZEN) wbc_safety_report(s, WBC_FAULT_IMU_FROZEN);
+        else if (r->time - c->changed[k] > WBC_FROZEN_TIME) wbc_safety_report(s, WBC_FAULT_IMU_FROZEN);
     }
 }
 
@@ -170,7 +170,7 @@ void wbc_checks_compared(wbc_checks *c, const wbc_reading *r, const double *comm
     add_to_sums(c, r, 1.0);
     compare_rates(c, r, s), compare_gravity(c, r, s), check_frozen(c, r, s);
     for (int j = 0; commanded && j < WBC_JOINTS; j++)
-        if (fabs(r->torque[j] - commanded[j]) - WBC_TORQUE_OFF * wbc_limits.effort[j] > 0.0) {
+        if (fabs(r->torque[j] - commanded[j]) - WBC_TORQUE_TOLERANCE * wbc_limits.effort[j] > 0.0) {
             wbc_safety_report(s, WBC_FAULT_TORQUE_DISAGREES);
             break;
         }
