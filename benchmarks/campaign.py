@@ -132,7 +132,7 @@ def scaling(folder: Path, file: Path, most: int) -> str:
             stamps.append(time.monotonic())
             rows.append(at.row)
 
-        with Journal(folder / f"scaling-{workers}", campaign.made_of()) as journal:
+        with Journal(folder / f"scaling-{workers}", campaign.inputs()) as journal:
             spent = time.process_time()
             run_batch(
                 campaign,
