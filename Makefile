@@ -69,7 +69,7 @@ sanitize: $(VENV)/dev.stamp
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/clang-format --dry-run -Werror $$(git ls-files 'wbc/*.[ch]')
+	$(BIN)/clang-format --dry-run -Werror wbc/*/source/*.[ch] wbc/*/source/*/*.[ch]
 	$(BIN)/mypy
 	$(BIN)/python tests/typing/check.py
 	$(BIN)/codespell README.md CHANGELOG.md docs examples wbc benchmarks problems Makefile .ci
