@@ -30,7 +30,6 @@ FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
 NAMELESS = "no link is called a left or right foot, ankle or sole"
-ROLLS = "it has wheels, and wheels are no soles"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _JOINED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
@@ -176,18 +175,12 @@ def guess_links(
     is seen, not read. Without such names, or shapes there, or with some of four corners only: the
     two bodies at the ends of limbs that reach lowest, with flat undersides, one to the left and its
     image to the right; or four, two on either side.
-    Wheels, what carries them, and hands are none: what is called so, or ends a limb, turns without
-    end, is round and on the ground, as the bearing of a rod is not.
+    Wheels, what carries them (:func:`rolling_joints`), and hands are none.
 
     ``data`` holds the frame placements of a posture with the base upright.
     """
     bodies = [frame for frame in bodies_of(model) if _may_be_foot(model, frame)]
-    rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
-    below = float(data.oMi[1].translation[2]) - BELOW_BASE
-    low = [j for j in _continuous_ends(model) if float(data.oMi[j].translation[2]) < below]
-    wheels = [joint for joint in low if _is_wheel(model, geometry, joint)]
-    rolling |= {joint for joint in wheels if _near_ground(model, data, geometry, joint)}
-    rolling |= {int(model.parents[joint]) for joint in rolling}
+    rolling = rolling_joints(model, data, geometry)
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
     named = _named_feet(model, data, bodies)
     named += _below_ankles(model, named, bodies)
@@ -211,7 +204,7 @@ def guess_links(
     ]
     locked = f"the base carries {', '.join(rigid)} with no joint between: is a leg locked?"
     if not found and rolling:
-        return {}, ROLLS
+        return {}, "it has wheels, and wheels are no soles"
     if not found:
         others, why = _lowest_pair(model, data, geometry, bodies)
         if others or not shapeless:
@@ -226,6 +219,26 @@ def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
     """Return whether a frame is on a body below the base that has mass or shapes."""
     joint = int(frame.parentJoint)
     return joint > 1 and (model.inertias[joint].mass > 0.0 or joint not in set(model.parents))
+
+
+def rolling_joints(model: pin.Model, data: pin.Data, geometry: GeometrySource) -> set[int]:
+    """Return the joints that turn wheels, and those that carry these.
+
+    Wheels are links below the base that are named so, or that end limbs, turn without end, are
+    round and less than their diameter above the lowest limb, as the bearing of a rod is not.
+    ``data``: as in :func:`guess_links`.
+    """
+    bodies = (frame for frame in bodies_of(model) if _may_be_foot(model, frame))
+    rolling = {int(one.parentJoint) for one in bodies if words_of(one.name) & WHEEL_WORDS}
+    height = {joint: float(data.oMi[joint].translation[2]) for joint in range(1, model.njoints)}
+    low = [j for j in _continuous_ends(model) if height[j] < height[1] - BELOW_BASE]
+    wheels = [joint for joint in low if _is_wheel(model, geometry, joint)]
+    if wheels:
+        ends = {*range(2, model.njoints)} - {int(parent) for parent in model.parents}
+        lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
+        ground = min(lowest.values())
+        rolling |= {j for j in wheels if lowest[j] - ground < 2.0 * (height[j] - lowest[j])}
+    return rolling | {int(model.parents[joint]) for joint in rolling}
 
 
 def _continuous_ends(model: pin.Model) -> list[int]:
@@ -244,14 +257,6 @@ def _is_wheel(model: pin.Model, geometry: GeometrySource, joint: int) -> bool:
     pin.computeJointJacobians(model, data, pin.neutral(model))
     axis = pin.getJointJacobian(model, data, joint, local)[3:, int(model.idx_vs[joint])]
     return bool(axis.any()) and is_round_about(model, geometry, joint, axis)
-
-
-def _near_ground(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> bool:
-    """Return whether a wheel is less than its diameter above the end of the lowest limb."""
-    ends = {*range(2, model.njoints)} - {int(parent) for parent in model.parents}
-    lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
-    radius = float(data.oMi[joint].translation[2]) - lowest[joint]
-    return lowest[joint] - min(lowest.values()) < 2.0 * radius
 
 
 def _below_ankles(

@@ -14,9 +14,9 @@ from wbc.robot.feet import Foot, FootSpec, find_feet
 from wbc.robot.foot_guess import (
     ARM_WORDS,
     BELOW_BASE,
-    ROLLS,
     bodies_of,
     facing_ahead,
+    rolling_joints,
     upright,
     words_of,
 )
@@ -45,19 +45,19 @@ class StandingPose(NamedTuple):
     notes: tuple[str, ...]  # what was guessed or turned, in words
 
 
-def arm_reason(model: pin.Model, q: Array, rolls: bool) -> str:
+def arm_reason(model: pin.Model, geometry: GeometrySource, q: Array) -> str:
     """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
 
     One joint carries all others and none is below the base as legs are; or the root link's name
-    tells (``base`` does not if the robot ``rolls`` on wheels). ``q`` (nq,) has the base upright.
+    tells (``base`` does not if the robot has wheels). ``q`` (nq,) has the base upright.
     """
     root = next((str(frame.name) for frame in bodies_of(model) if frame.parentJoint == 1), "")
-    if words_of(root) & ARM_WORDS or (root == "base" and not rolls):
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    if words_of(root) & ARM_WORDS or (root == "base" and not rolling_joints(model, data, geometry)):
         return f"the root link is called {root!r}"
     if list(model.parents).count(1) != 1:
         return ""
-    data = model.createData()
-    pin.forwardKinematics(model, data, q)
     heights = [pose.translation[2] for pose in data.oMi][1:]
     above = min(heights) > heights[0] - BELOW_BASE
     return "the root link carries a single arm" if above else ""
@@ -103,8 +103,9 @@ def find_stance(
         if base is None:
             foot_notes = (*foot_notes, f"the base is fixed, since {bolted}")
     elif not soles and base is None:  # neither feet nor the user tell
-        rolls = any(ROLLS in note for note in foot_notes)
-        bolted = arm_reason(model, q, rolls) if description.bolted == "" else description.bolted
+        bolted = description.bolted
+        if bolted == "":
+            bolted = arm_reason(model, description.geometry, q)
     if bolted and not description.mounted:
         reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)

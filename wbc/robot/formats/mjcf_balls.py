@@ -85,8 +85,8 @@ def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
             motor.gear = np.append(gear[about], np.zeros(5))
         else:
             delete_from(spec, motor)
-            for key in spec.keys:  # controls are not read
-                key.ctrl = key.act = np.zeros(0)
+    for key in spec.keys if lost else ():  # their numbers of controls changed; these are not read
+        key.ctrl = key.act = np.zeros(0)
     told = {
         "motors about an axis of a ball joint are those of its hinge about that axis": moved,
         "motors about several axes of a ball joint are not read": lost,
