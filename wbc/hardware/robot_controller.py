@@ -29,7 +29,7 @@ class EstimateError(WbcError):
     """There is no estimate of the base for a reading."""
 
 
-class Uncertainty(NamedTuple):
+class StateUncertainty(NamedTuple):
     """Uncertainty of the base's state.
 
     Attributes
@@ -44,14 +44,14 @@ class Uncertainty(NamedTuple):
     feet: tuple[str, ...] = ()
 
 
-EXACT = Uncertainty()
+EXACT = StateUncertainty()
 
 
 class BaseEstimator(Protocol):
     """An estimator for the loop; ``sure`` is the uncertainty of its last answer."""
 
     name: str
-    sure: Uncertainty
+    sure: StateUncertainty
 
     def reset(self) -> None:
         """Restart: the robot stands still on its feet."""
@@ -115,7 +115,7 @@ class SensorEstimator:
             raise EstimateError(f"the estimator: {self._estimator.kept_by}")
         e = estimate
         deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
-        self.sure = Uncertainty(deviations, e.contacts)
+        self.sure = StateUncertainty(deviations, e.contacts)
         return estimate.q, estimate.v
 
 
@@ -153,7 +153,7 @@ class ControllerAnswer:
     ok: bool = True
     report: str = ""
     at_rest: bool = True
-    sure: Uncertainty = EXACT
+    sure: StateUncertainty = EXACT
 
 
 class RobotController:

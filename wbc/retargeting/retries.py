@@ -31,7 +31,7 @@ ProblemBuilder = Callable[[MotionScale, RetargetWeights], tuple[TrajectoryProble
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class MotionAttempt:
     """The result of one attempt.
 
     Attributes
@@ -69,7 +69,7 @@ class Attempt:
 def solve_with_retries(
     build_problem: ProblemBuilder, scale: MotionScale, weights: RetargetWeights, iterations: int,
     balance: bool, progress: Progress | None,
-) -> Attempt:  # fmt: skip
+) -> MotionAttempt:  # fmt: skip
     """Return the first attempt that satisfies all constraints, or the least infeasible one."""
     higher = {name: factor * getattr(weights, name) for name, factor in FIRST_ATTEMPT.items()}
     problem, axes = build_problem(scale, replace(weights, **higher))
@@ -77,7 +77,7 @@ def solve_with_retries(
     if best.speed_ratio <= MAX_RATIO:
         found = project_onto_constraints(problem, best.q, stop_early=True)
         if found.feasible:
-            return Attempt(found.q, problem, scale, 0)
+            return MotionAttempt(found.q, problem, scale, 0)
     reductions, least = 0, math.inf
     warm_start: Array | None = None
     for number in range(ATTEMPTS):
@@ -86,13 +86,13 @@ def solve_with_retries(
         last, too_fast = number == ATTEMPTS - 1, MAX_RATIO < best.speed_ratio < MAX_OVERSPEED
         found = project_onto_constraints(problem, best.q, stop_early=not last)
         if found.violation < least or (last and found.feasible):
-            least, nearest = found.violation, Attempt(found.q, problem, scale, reductions)
+            least, nearest = found.violation, MotionAttempt(found.q, problem, scale, reductions)
         if found.feasible and too_fast and not last:
             # Slowing down single joints may have changed the motion too much.
             accepted = MAX_COST_GROWTH * max(best.cost, CONVERGED_COST)
             too_fast = problem.linearize(found.q).cost > accepted
         if found.feasible and not too_fast:
-            return Attempt(found.q, problem, scale, reductions)
+            return MotionAttempt(found.q, problem, scale, reductions)
         if too_fast and (found.feasible or number == 0):
             stretch = min(best.speed_ratio, MAX_STRETCH) * (1.0 + (number + 1) * EXTRA_STRETCH)
             scale = replace(scale, time=scale.time * stretch)
