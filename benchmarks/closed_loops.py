@@ -22,30 +22,18 @@ from typing import Any
 
 import numpy as np
 from foreign_reading import spec_of
-from foreign_trial import AWAY, LASTING, LEAST_HEIGHT, MOST_TILT, RATIO, RawModel, add_ground
+from foreign_trial import AWAY, DT, LASTING, RATIO, RawModel, add_ground, controller_of
 
 import wbc
 from wbc.simulation import Plant, capture_impulse, simulate
 
-DT, PUSHED = 0.002, 1.0  # s
+PUSHED = 1.0  # s
+POSTURE = 0.1  # weight
 
 
-def controller_of(robot: wbc.Robot, q: np.ndarray) -> wbc.TorqueController:
-    start = robot.snapshot(q)
-    tasks = [
-        wbc.ComTask(robot, start.com),
-        wbc.OrientationTask(robot, "base", start.rotation("base")),
-        wbc.PostureTask(robot, q, joints=dict.fromkeys(robot.motorless, 0.0), weight=0.1),
-    ]
-    limits, contacts = wbc.Limits(robot), wbc.support(start, "all")
-    return wbc.TorqueController(
-        robot, tasks, contacts=contacts, limits=limits, dt=DT, solver="active_set"
-    )
-
-
-def in_plant(robot: wbc.Robot, q: np.ndarray, seconds: float, push: np.ndarray) -> str:
-    plant, controller, gap, relaxed = Plant(robot, dt=DT), controller_of(robot, q), 0.0, 0
-    plant.reset(q)
+def in_plant(robot: wbc.Robot, seconds: float, push: np.ndarray) -> str:
+    plant, controller = Plant(robot, dt=DT), controller_of(robot, posture=POSTURE)
+    gap, relaxed = 0.0, 0
     plant.push("base", push, "com", start=PUSHED, duration=LASTING)
     for now in simulate(controller, plant, seconds):
         gap = max(gap, *robot.gaps(plant.state()[0]).values())
@@ -56,28 +44,21 @@ def in_plant(robot: wbc.Robot, q: np.ndarray, seconds: float, push: np.ndarray) 
     )
 
 
-def in_its_own(
-    robot: wbc.Robot, q: np.ndarray, path: Path, seconds: float, push: np.ndarray
-) -> str:
+def in_its_own(robot: wbc.Robot, path: Path, seconds: float, push: np.ndarray) -> str:
     import mujoco
 
     spec, _ = spec_of(mujoco, path)
     add_ground(mujoco, spec)
     model: Any = spec.compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    raw, controller = RawModel.of(mujoco, model, robot), controller_of(robot, q)
+    raw = RawModel.of(mujoco, model, robot)
     if raw is None:
         raise SystemExit(f"{path}: the root has no free joint")
     every = round(DT / model.opt.timestep)
-    start = robot.snapshot(q)
-    raw.write(q)
-    for _ in range(round(seconds / DT)):
-        now = robot.snapshot(*raw.state())
-        tilt = float(np.arccos(np.clip(now.rotation("base")[2, 2], -1.0, 1.0)))
-        if now.com[2] < LEAST_HEIGHT * start.com[2] or tilt > MOST_TILT:
-            return f"fell after {raw.data.time:.2f} s"
-        acts = PUSHED <= raw.data.time < PUSHED + LASTING
-        raw.step(controller.step(now).torque, every, push if acts else None, now.com)
+    controller = controller_of(robot, posture=POSTURE)
+    stood, now = raw.stand(controller, every, seconds, push, PUSHED)
+    if not stood:
+        return f"fell after {raw.data.time:.2f} s"
     return f"stood for {seconds:g} s, CoM {now.com.round(3)}"
 
 
@@ -93,20 +74,15 @@ def main() -> None:
     if not options.free:
         rigid = {name: spring.rest for name, spring in robot.passive.springs.items()}
         robot = wbc.Robot.load(options.path, locked=rigid)
-    q = robot.posture()
-    start = robot.snapshot(q)
+    start = robot.snapshot(robot.posture())
     impulse = options.push * capture_impulse(start, robot.feet, AWAY)
     push = impulse / LASTING * AWAY
     motors = len(robot.joint_names) - len(robot.motorless)
     print(
         f"{robot.name}: {robot.mass:.2f} kg, {motors} motors, {len(robot.loops)} loops, pushed by"
     )
-    print(
-        f"{impulse:.2f} N s. In our plant: {in_plant(robot, q, options.seconds, push)}", flush=True
-    )
-    print(
-        f"Its own model, springs in it: {in_its_own(robot, q, options.path, options.seconds, push)}"
-    )
+    print(f"{impulse:.2f} N s. In our plant: {in_plant(robot, options.seconds, push)}", flush=True)
+    print(f"Its own model, springs in it: {in_its_own(robot, options.path, options.seconds, push)}")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from time import thread_time
 
 import numpy as np
 import tick as job
-from random_ticks import SUPPORTS, inside, random_tasks
+from random_ticks import SUPPORTS, clear_posture, random_tasks
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
@@ -61,17 +61,6 @@ class Record:
 def clearances(margins: SelfCollision, snapshot: Snapshot) -> np.ndarray:
     """Return how far each pair is outside its margin [m]; close standing pairs have less."""
     return margins.model.nearest(snapshot).distance - margins.margins
-
-
-def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
-    """Return a random posture in which no pair is inside its margin."""
-    scale = 0.3
-    while True:
-        step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
-        q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
-        if clearances(margins, robot.snapshot(q)).min() > 0.0:
-            return q
-        scale *= 0.9
 
 
 def episode(

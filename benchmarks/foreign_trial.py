@@ -30,13 +30,14 @@ PATIENCE = 2.0  # times the time that the distance takes, and at least so many s
 AWAY = np.array((1.0, 0.0, 0.0))
 
 
-def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
-    """Return a controller that keeps a robot standing."""
+def controller_of(robot: Robot, dt: float = DT, posture: float = 1.0) -> wbc.TorqueController:
+    """Return a controller that keeps a robot standing; ``posture`` is that task's weight."""
     start = robot.snapshot(robot.posture())
+    motorless = dict.fromkeys(robot.motorless, 0.0)
     tasks = [
         wbc.ComTask(robot, start.com),
         wbc.OrientationTask(robot, "base", start.rotation("base")),
-        wbc.PostureTask(robot, start.q, joints=dict.fromkeys(robot.motorless, 0.0)),
+        wbc.PostureTask(robot, start.q, joints=motorless, weight=posture),
     ]
     limits, contacts = wbc.Limits(robot), wbc.support(start, "all")
     return wbc.TorqueController(
@@ -87,16 +88,10 @@ def stand_in_own_model(robot: Robot, path: Path) -> dict[str, Any]:
     controller = controller_of(robot, every * float(model.opt.timestep))
     start = robot.snapshot(robot.posture())
     push = RATIO * capture_impulse(start, robot.feet, AWAY) / LASTING * AWAY
-    raw.write(start.q)
-    height, up = float(start.com[2]), start.rotation("base")[2]
-    for _ in range(round(DURATION / controller.dt)):
-        now = robot.snapshot(*raw.state())
-        tilt = float(np.arccos(np.clip(now.rotation("base")[2] @ up, -1.0, 1.0)))
-        if now.com[2] < LEAST_HEIGHT * height or tilt > MOST_TILT:
-            lacks = f", without its {without}" if without else ""
-            return {"stood": False, "why": f"fell after {raw.data.time:.2f} s{lacks}"}
-        acts = PUSHED <= raw.data.time < PUSHED + LASTING
-        raw.step(controller.step(now).torque, every, push if acts else None, now.com)
+    stood, _ = raw.stand(controller, every, DURATION, push, PUSHED)
+    if not stood:
+        lacks = f", without its {without}" if without else ""
+        return {"stood": False, "why": f"fell after {raw.data.time:.2f} s{lacks}"}
     return {"stood": True, "why": f"stood for {DURATION:g} s", "without": without}
 
 
@@ -182,6 +177,25 @@ class RawModel:
             v[6 + k : 9 + k] = np.linalg.solve(turning_of(angles), data.qvel[rate : rate + 3])
         self.robot.limits.write_positions(q, positions)
         return q, v
+
+    def stand(
+        self, controller: wbc.Controller, every: int, seconds: float, push: np.ndarray, at: float
+    ) -> tuple[bool, wbc.Snapshot]:
+        """Return whether it stood from its posture on, and its last state.
+
+        A tick is held for ``every`` steps; the push (3,) [N] begins at a time [s].
+        """
+        start = now = self.robot.snapshot(self.robot.posture())
+        self.write(start.q)
+        height, up = float(start.com[2]), start.rotation("base")[2]
+        for _ in range(round(seconds / controller.dt)):
+            now = self.robot.snapshot(*self.state())
+            tilt = float(np.arccos(np.clip(now.rotation("base")[2] @ up, -1.0, 1.0)))
+            if now.com[2] < LEAST_HEIGHT * height or tilt > MOST_TILT:
+                return False, now
+            acts = at <= self.data.time < at + LASTING
+            self.step(controller.step(now).torque, every, push if acts else None, now.com)
+        return True, now
 
     def step(self, torque: np.ndarray, count: int, push: Any, com: np.ndarray) -> None:
         """Hold torques (nv - 6,) for so many steps, and a push (3,) [N] at the CoM."""

@@ -20,7 +20,7 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from random_ticks import SUPPORTS, inside, random_tasks
+from random_ticks import SUPPORTS, clear_posture, random_tasks
 from raw_shapes import RawShapes
 
 from wbc.constraints import Contact, Limits, SelfCollision, support
@@ -28,7 +28,7 @@ from wbc.controllers import KinematicController
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
-from wbc.robot.postures import is_standing, set_mimic_joints
+from wbc.robot.postures import is_standing
 
 DT = 0.005
 EPISODE = 100
@@ -70,19 +70,6 @@ def draw(robot: Robot, target: Path) -> None:
     from wbc.view import plot_robot
 
     plot_robot(robot, {"standing": robot.posture()}, target)
-
-
-def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
-    """Return a random posture in which no pair is inside its margin."""
-    scale = 0.3
-    while True:
-        step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
-        q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
-        # Without it no velocity satisfies gears and limits.
-        set_mimic_joints(robot.limits, q, robot.couplings)
-        if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
-            return q
-        scale *= 0.9
 
 
 @dataclass

@@ -172,7 +172,7 @@ class Body:
         back, front, right, left = self.sole
         return np.array(((back, right), (front, right), (front, left), (back, left)))
 
-    def law(self, dt: float, solver: str = "proxqp_cold") -> MomentumQp:
+    def law(self, dt: float, solver: str = "proxqp_cold", **bounds: float) -> MomentumQp:
         """The law; with a cold solver a run does not depend on the run before it."""
         bounds = LawBounds(
             polygon=self.polygon(),
@@ -182,12 +182,13 @@ class Body:
             wheel_torque=self.torque,
             wheel_angle=self.angle,
             radius=(0.05, 0.6),
+            **bounds,
         )
         com = (0.0, 0.0, self.height)
         backend = make_backend(solver)
         return MomentumQp(SolidRmp(self.mass), bounds, com, self.radii, dt=dt, backend=backend)
 
-    def limits(self, directions: np.ndarray, margin: float) -> PushLimits:
+    def limits(self, directions: np.ndarray, margin: float = 0.0) -> PushLimits:
         """The bounds of theory on a sole without its margin."""
         r = np.square(self.radii)
         inertia = self.mass / 3.0 * (r.sum() - r)[:2]

@@ -17,9 +17,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.constraints import Limits, support
+from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.robot import Robot, Snapshot
+from wbc.robot.postures import set_mimic_joints
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
 from wbc.tasks.keywords import Gains
 
@@ -63,9 +64,7 @@ def random_tasks(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list
 
 def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, record: Record) -> None:
     """Run one set of random targets from a random posture."""
-    q = robot.posture("standing")
-    step = np.concatenate((np.zeros(6), rng.normal(scale=0.3, size=robot.nv - 6)))
-    q = inside(robot, robot.integrate(q, step, 1.0))
+    q = random_posture(robot, rng, 0.3)
     here = robot.snapshot(q)
     limits = Limits(robot)
     controller = KinematicController(
@@ -96,11 +95,22 @@ def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, reco
             record.worst_slip = max(record.worst_slip, contact.slip(here))
 
 
-def inside(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return q with its joints moved inside their limits."""
-    positions = robot.limits.joint_positions(q)
-    within = np.clip(positions, robot.limits.lower, robot.limits.upper)
-    return robot.integrate(q, np.concatenate((np.zeros(6), within - positions)), 1.0)
+def random_posture(robot: Robot, rng: np.random.Generator, scale: float) -> np.ndarray:
+    """Return a random posture within the limits, at about this distance from standing [rad]."""
+    step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
+    return robot.limits.clamped(robot.integrate(robot.posture("standing"), step, 1.0))
+
+
+def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
+    """Return a random posture in which no pair is inside its margin."""
+    scale = 0.3
+    while True:
+        q = random_posture(robot, rng, scale)
+        # Without it no velocity satisfies gears and limits.
+        set_mimic_joints(robot.limits, q, robot.couplings)
+        if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
+            return q
+        scale *= 0.9
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.estimation import FilterNoise
+from wbc.estimation import ContactFilter, FilterNoise
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
@@ -47,6 +47,14 @@ class Start(NamedTuple):
     p: Array
     covariance: Array
     feet: tuple[FootPose, FootPose]
+
+    def filter(self) -> ContactFilter:
+        """Return the filter there, with both feet held."""
+        f = ContactFilter(2, NOISE)
+        f.reset(self.R, self.p, self.v, covariance=self.covariance)
+        for k, one in enumerate(self.feet):
+            f.hold(k, *one)
+        return f
 
 
 def swaying(

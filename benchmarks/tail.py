@@ -25,33 +25,24 @@ import numpy as np
 from tick import DT, make_run
 
 from wbc.robot import Robot
-from wbc.rotations import exp_rotation
 
 OTHER = 32 * 2**20  # bytes
 PERCENTILES = (50.0, 99.0, 99.9, 99.99)
-FREQUENCIES = 2 * np.pi * np.array([0.5, 0.25, 0.4])  # of the CoM [rad/s]
 
 
 class Loop:
     """A closed loop with moving targets; ``body`` is one round of it."""
 
     def __init__(self, robot: Robot, solver: str) -> None:
-        run = make_run(robot, solver, "equality")
-        self.robot, self.controller, self.q, self.v = robot, run.controller, run.q, run.v
-        self.start, self.failures = run.start, 0
+        self.run = run = make_run(robot, solver, "equality")
+        self.robot, self.q, self.v, self.failures = robot, run.q, run.v, 0
 
     def body(self, k: int) -> float:
         """Run a tick; return the thread's CPU time of it [s]."""
-        inertia, com, torso, *_ = self.controller.tasks
-        t, (start_com, start_inertia, start_torso) = k * DT, self.start
-        wave = start_com + np.array([0.01, 0.02, -0.01]) * np.sin(FREQUENCIES * t)
-        shape = start_inertia * (1 + 0.05 * np.sin(np.pi * t))
-        turned = start_torso @ exp_rotation(np.array([0, 0.1, 0.2]) * np.sin(t))
+        targets = self.run.targets(k)
         begin = thread_time()
-        inertia.set_target(shape)
-        com.set_target(wave)
-        torso.set_target(turned)
-        tick = self.controller.step(self.robot.snapshot(self.q, self.v))
+        self.run.aim(targets)
+        tick = self.run.controller.step(self.robot.snapshot(self.q, self.v))
         self.v = tick.velocity
         self.q = self.robot.integrate(self.q, self.v, DT)
         spent = thread_time() - begin

@@ -50,6 +50,7 @@ DT = 0.005
 WARM_UP = 200
 BLOCK = 100
 STAGES = ("snapshot", "tasks", "assembly", "solve", "rest")
+FREQUENCIES = 2 * np.pi * np.array([0.5, 0.25, 0.4])  # of the CoM [rad/s]
 
 
 @dataclass
@@ -70,15 +71,21 @@ class Run:
     units: list[float] = field(default_factory=list)  # of blocks, by the fixed computation around
     failures: int = 0
 
+    def targets(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the targets of inertia, CoM and torso in a tick."""
+        t, (com, inertia, torso) = k * DT, self.start
+        wave = np.array([0.01, 0.02, -0.01]) * np.sin(FREQUENCIES * t)
+        turn = exp_rotation(np.array([0, 0.1, 0.2]) * np.sin(t))
+        return inertia * (1 + 0.05 * np.sin(np.pi * t)), com + wave, torso @ turn
+
+    def aim(self, targets: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Give the tasks their targets."""
+        for task, target in zip(self.controller.tasks, targets, strict=False):
+            task.set_target(target)
+
     def advance(self) -> None:
         """Move the targets, run one tick, integrate; only snapshot and step are timed."""
-        inertia, com, torso, *_ = self.controller.tasks
-        t = self.ticks * DT
-        start_com, start_inertia, start_torso = self.start
-        wave = np.array([0.01, 0.02, -0.01]) * np.sin(2 * np.pi * np.array([0.5, 0.25, 0.4]) * t)
-        inertia.set_target(start_inertia * (1 + 0.05 * np.sin(np.pi * t)))
-        com.set_target(start_com + wave)
-        torso.set_target(start_torso @ exp_rotation(np.array([0, 0.1, 0.2]) * np.sin(t)))
+        self.aim(self.targets(self.ticks))
         cpu, wall = thread_time(), perf_counter()
         snapshot = self.robot.snapshot(self.q, self.v)
         ready = perf_counter()

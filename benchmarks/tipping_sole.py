@@ -14,16 +14,12 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 
 import argparse
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 from push_recovery import BODIES, Body
 
-from wbc.qp import make_backend
 from wbc.rmp.balance.momentum_qp import MomentumQp
-from wbc.rmp.balance.push_limits import Wheel, push_limits
-from wbc.rmp.solid import SolidRmp
 
 PHYSICS = 2.5e-4  # s
 THICK = 0.02  # m
@@ -169,23 +165,13 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.02, help="of the scan, parts of the bound")
     options = parser.parse_args()
     body = BODIES[options.body]
-    r = np.square(body.radii)
-    wheel = Wheel(body.mass / 3.0 * (r.sum() - r)[:2], body.torque, body.angle)
     angles = np.radians(options.angles)
     directions = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    bounds = push_limits(directions, body.polygon(), wheel, mass=body.mass, height=body.height)
+    bounds = body.limits(directions)
     print(f"{options.body}, sole of {options.sole:g} kg, commands every {options.dt * 1e3:g} ms")
     print(f"{'margin':>8s}{'angle':>7s}{'survived':>10s}{'of wheel':>9s}{'of ankle':>9s}  lifted")
     for margin in options.margins:
-        law = body.law(options.dt)
-        law = MomentumQp(
-            SolidRmp(body.mass),
-            replace(law.bounds, cop_margin=margin, torsion=True),
-            law.com,
-            law.radii,
-            dt=options.dt,
-            backend=make_backend("proxqp"),
-        )
+        law = body.law(options.dt, "proxqp", cop_margin=margin, torsion=True)
         for angle, e, ankle, most in zip(
             options.angles, directions, bounds.ankle, bounds.wheel, strict=True
         ):

@@ -43,18 +43,13 @@ VARIANTS = ("free", "regulated", "soft foot", "planned")
 BASE = "regulated"  # reference of the means
 
 
-def make_walker(variant: str, robot: wbc.Robot) -> Walker:
-    """Return the walker of a variant."""
-    if variant == "soft foot":
-        return Walker(robot, weights=WalkingWeights(lift=SOFT), dt=DT)
-    return walker_of(robot, variant)
-
-
 def walker_factory(variant: str) -> Any:
     """Return what makes the walker of a variant for walk_pushes.py."""
 
     def make(robot: wbc.Robot, dt: float, delay: float) -> Walker:
-        return make_walker(variant, robot)
+        if variant == "soft foot":
+            return Walker(robot, weights=WalkingWeights(lift=SOFT), dt=DT)
+        return walker_of(robot, variant)
 
     return make
 

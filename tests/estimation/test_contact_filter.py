@@ -84,10 +84,7 @@ def followed(
 ) -> Iterator[tuple[Moment, ContactFilter, float]]:
     """Yield moments, the filter there, and the NIS of both feet: 12 rows."""
     start, moments = swaying(seed, steps, swing)
-    f = ContactFilter(2, NOISE)
-    f.reset(start.R, start.p, start.v, covariance=start.covariance)
-    for k, one in enumerate(start.feet):
-        f.hold(k, *one)
+    f = start.filter()
     for now in moments:
         f.predict(now.rate, now.force, DT)
         yield now, f, sum(f.correct(k, *one).squared for k, one in enumerate(now.feet))
