@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 import pytest
 
 import wbc
+from tests.conftest import load
 from wbc.simulation import Plant, Terrain
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.validate import Array
-
-Load = Callable[[str], wbc.Robot]
 
 
 def folding(robot: wbc.Robot, sink: float) -> tuple[Array, Array]:
@@ -30,7 +27,7 @@ def folding(robot: wbc.Robot, sink: float) -> tuple[Array, Array]:
     return q, v
 
 
-def test_drift_is_mujocos_own_derivative(load: Load) -> None:
+def test_drift_is_mujocos_own_derivative() -> None:
     """By mj_jacDot, at points of contact of a robot that moves in all ways."""
     g1 = load("g1")
     plant = Plant(g1, terrain=Terrain(slope=(0.05, -0.1)))
@@ -52,7 +49,7 @@ def test_drift_is_mujocos_own_derivative(load: Load) -> None:
 
 
 @pytest.mark.parametrize("drift", [False, True])
-def test_a_foot_rests_while_legs_fold(load: Load, drift: bool) -> None:
+def test_a_foot_rests_while_legs_fold(drift: bool) -> None:
     """Without J' q' the ground lets it go at that acceleration; with it, it stays."""
     g1 = load("g1")
     plant = Plant(g1, terrain=Terrain(drift=drift))

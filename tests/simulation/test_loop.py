@@ -1,19 +1,18 @@
 """The loop closed with the torque controller: it stands, it falls and says why, it is recorded."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wbc
+from tests.conftest import load
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant, Recorder, Sensors, simulate
 
-Load = Callable[[str], Robot]
 DT = 0.002
 
 
@@ -54,7 +53,7 @@ def test_it_stands_and_what_is_planned_is_what_acts(humanoid: Robot) -> None:
         (FallLimits(touch=False, tilt=4.0), "the CoM sank"),
     ],
 )
-def test_a_fall_ends_the_run_and_says_why(load: Load, limits: FallLimits, words: str) -> None:
+def test_a_fall_ends_the_run_and_says_why(limits: FallLimits, words: str) -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, dt=DT)
     plant.reset(robot.posture("standing"), 1.5 * np.eye(robot.nv)[0])
@@ -68,7 +67,7 @@ def test_a_fall_ends_the_run_and_says_why(load: Load, limits: FallLimits, words:
     assert re.search(words, str(verdict))
 
 
-def test_the_loop_ends_with_the_fall_unless_told_otherwise(load: Load) -> None:
+def test_the_loop_ends_with_the_fall_unless_told_otherwise() -> None:
     robot = load("hoap2_like")
     controller, plant = standing(robot), Plant(robot, dt=DT)
     for falls in (FallLimits(), None):
@@ -81,7 +80,7 @@ def test_the_loop_ends_with_the_fall_unless_told_otherwise(load: Load) -> None:
         assert (len(ticks) == 225) == (falls is None)
 
 
-def test_lost_frames_hold_the_torque(load: Load) -> None:
+def test_lost_frames_hold_the_torque() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, dt=DT, sensors=Sensors(dropout=0.4, seed=2))
     held, last = 0, None
@@ -93,7 +92,7 @@ def test_lost_frames_hold_the_torque(load: Load) -> None:
     assert last is not None and last.verdict.stood and 40 < held < 120
 
 
-def test_the_loop_is_deterministic(load: Load) -> None:
+def test_the_loop_is_deterministic() -> None:
     robot = load("hoap2_like")
     sensors = Sensors(position_noise=1e-3, velocity_noise=0.05, delay=0.002, dropout=0.1, seed=8)
     ends = []
@@ -106,7 +105,7 @@ def test_the_loop_is_deterministic(load: Load) -> None:
     assert ends[0] == ends[1]
 
 
-def test_update_chooses_the_controller_and_ends_the_loop(load: Load) -> None:
+def test_update_chooses_the_controller_and_ends_the_loop() -> None:
     robot = load("hoap2_like")
     first, second = standing(robot), standing(robot)
     plant = Plant(robot, dt=DT)
@@ -121,7 +120,7 @@ def test_update_chooses_the_controller_and_ends_the_loop(load: Load) -> None:
     assert ticks[0].snapshot is seen[0]
 
 
-def test_a_recording_is_read_by_analyze(load: Load, tmp_path: Path) -> None:
+def test_a_recording_is_read_by_analyze(tmp_path: Path) -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, dt=DT)
     recorder = Recorder(plant)
@@ -155,7 +154,7 @@ def test_a_recording_is_read_by_analyze(load: Load, tmp_path: Path) -> None:
         )
 
 
-def test_mistakes_are_typed(load: Load) -> None:
+def test_mistakes_are_typed() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, dt=DT)
     start = robot.snapshot(robot.posture("standing"))

@@ -1,24 +1,18 @@
 """Errors of the model: the physics has the robot that a changed Pinocchio model describes."""
 
 import pickle
-from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.conftest import load, random_state
+from tests.simulation.accelerations import mass_and_bias
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
 from wbc.simulation import ModelMismatch, Plant, Terrain
 
-Load = Callable[[str], Robot]
-MassAndBias = Callable[[Plant, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
 
-
-def test_factors_and_shift(
-    load: Load, mass_and_bias: MassAndBias, random_state: State, rng: np.random.Generator
-) -> None:
+def test_factors_and_shift(rng: np.random.Generator) -> None:
     robot = load("g1")
     mismatch = ModelMismatch(mass=1.1, inertia=0.8, com=[0.01, -0.02, 0.03])
     plant = Plant(robot, mismatch=mismatch, shapes=False)
@@ -38,7 +32,7 @@ def test_factors_and_shift(
         np.testing.assert_allclose(found[1], h, atol=1e-12 * np.abs(h).max())
 
 
-def test_spreads_are_within_bounds_and_follow_the_seed(load: Load) -> None:
+def test_spreads_are_within_bounds_and_follow_the_seed() -> None:
     robot = load("g1")
     masses = robot.model.inertias.tolist()
     plain = np.array([body.mass for body in masses][1:])
@@ -62,7 +56,7 @@ def test_spreads_are_within_bounds_and_follow_the_seed(load: Load) -> None:
     assert first.model.body_mass.tobytes() != other.model.body_mass.tobytes()
 
 
-def test_the_friction_of_the_ground(load: Load) -> None:
+def test_the_friction_of_the_ground() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, terrain=Terrain(friction=0.5), mismatch=ModelMismatch(friction=0.6))
     assert plant.model.geom("ground").friction[0] == pytest.approx(0.3)

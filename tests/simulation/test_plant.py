@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import load, random_state
 from tests.simulation.accelerations import acceleration_from_mujoco
 from wbc.controllers import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -15,8 +16,6 @@ from wbc.robot import Robot
 from wbc.simulation import Plant, Sensors, SimulationError, Step, Terrain
 from wbc.tasks import PostureTask
 
-Load = Callable[[str], Robot]
-State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
@@ -35,9 +34,7 @@ def holding(plant: Plant, q: np.ndarray, time: float) -> None:
         plant.step((total - J.T @ f)[6:])
 
 
-def test_flight_keeps_momentum_and_obeys_gravity(
-    humanoid: Robot, random_state: State, rng: np.random.Generator
-) -> None:
+def test_flight_keeps_momentum_and_obeys_gravity(humanoid: Robot, rng: np.random.Generator) -> None:
     """No torque acts on the whole: p = p0 + m g t and k = k0, whatever the joints do."""
     plant = Plant(humanoid, shapes=False)
     q, v = random_state(humanoid, rng)
@@ -54,40 +51,39 @@ def test_flight_keeps_momentum_and_obeys_gravity(
     np.testing.assert_allclose(now.momentum[3:], start.momentum[3:], atol=2e-3 * size)
 
 
-def test_the_momentum_error_is_of_the_integrators_order(load: Load, random_state: State) -> None:
-    robot, errors = load("g1"), []
+def in_the_air(physics_dt: float) -> Plant:
+    """A G1 that moves in all ways, high up; its joints have no stops, which take energy."""
+    plant = Plant(load("g1"), shapes=False, physics_dt=physics_dt)
+    plant.model.jnt_limited[:] = 0
+    q, v = random_state(plant.robot, np.random.default_rng(5))
+    q[2] = 50.0
+    plant.reset(q, 0.3 * v)
+    return plant
+
+
+def test_the_momentum_error_is_of_the_integrators_order() -> None:
+    errors = []
     for physics_dt in (1e-3, 5e-4, 2.5e-4):
-        rng = np.random.default_rng(5)
-        plant = Plant(robot, shapes=False, physics_dt=physics_dt)
-        q, v = random_state(robot, rng)
-        q[2] = 50.0
-        start = robot.snapshot(q, 0.3 * v)
-        plant.reset(q, 0.3 * v)
+        plant = in_the_air(physics_dt)
+        start = plant.snapshot()
         for _ in range(25):
-            plant.step(np.zeros(robot.nv - 6))
+            plant.step(np.zeros(plant.robot.nv - 6))
         errors.append(np.linalg.norm(plant.snapshot().momentum[3:] - start.momentum[3:]))
     assert 1.7 < errors[0] / errors[1] < 2.3 and 1.7 < errors[1] / errors[2] < 2.3
 
 
-def test_energy_in_flight_is_kept_to_the_order_of_the_integrator(
-    load: Load, random_state: State
-) -> None:
+def test_energy_in_flight_is_kept_to_the_order_of_the_integrator() -> None:
     """Without torques and damping: kinetic and potential energy, by Pinocchio."""
     robot, errors = load("g1"), []
     assert not robot.damping.any()
+
+    def energy(plant: Plant) -> float:
+        s = plant.snapshot()
+        height = 9.81 * robot.mass * (s.com[2] - 50.0)
+        return 0.5 * float(s.v @ s.mass_matrix @ s.v) + height
+
     for physics_dt in (1e-3, 5e-4):
-        rng = np.random.default_rng(5)
-        plant = Plant(robot, shapes=False, physics_dt=physics_dt)
-        plant.model.jnt_limited[:] = 0  # stops take energy
-        q, v = random_state(robot, rng)
-        q[2] = 50.0
-        plant.reset(q, 0.3 * v)
-
-        def energy(plant: Plant) -> float:
-            s = plant.snapshot()
-            height = 9.81 * robot.mass * (s.com[2] - 50.0)
-            return 0.5 * float(s.v @ s.mass_matrix @ s.v) + height
-
+        plant = in_the_air(physics_dt)
         start = energy(plant)
         for _ in range(50):
             plant.step(np.zeros(robot.nv - 6))
@@ -97,7 +93,7 @@ def test_energy_in_flight_is_kept_to_the_order_of_the_integrator(
 
 
 @pytest.mark.parametrize("name", ["g1", "hoap2_like"])
-def test_standing_the_feet_carry_the_weight_under_the_com(load: Load, name: str) -> None:
+def test_standing_the_feet_carry_the_weight_under_the_com(name: str) -> None:
     humanoid = load(name)
     plant = Plant(humanoid)
     q = humanoid.posture("standing")
@@ -114,7 +110,7 @@ def test_standing_the_feet_carry_the_weight_under_the_com(load: Load, name: str)
     assert not plant.touching()
 
 
-def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion(load: Load) -> None:
+def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion() -> None:
     """Newton and Euler for the whole robot, by Pinocchio, from MuJoCo's accelerations."""
     robot = load("g1")
     plant = Plant(robot)
@@ -143,9 +139,7 @@ def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion(load: Load) -
 
 @pytest.mark.parametrize("profile", ["rectangular", "half_sine"])
 @pytest.mark.parametrize("duration", [0.1, 0.0333])  # the second is no multiple of a step
-def test_a_push_changes_the_momentum_by_its_impulse(
-    load: Load, profile: str, duration: float
-) -> None:
+def test_a_push_changes_the_momentum_by_its_impulse(profile: str, duration: float) -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, shapes=False)
     q = robot.posture("standing")
@@ -164,7 +158,7 @@ def test_a_push_changes_the_momentum_by_its_impulse(
     np.testing.assert_allclose(momentum[:3], expected, atol=2e-4 * np.abs(expected).max())
 
 
-def test_a_push_beside_the_com_turns_the_robot(load: Load) -> None:
+def test_a_push_beside_the_com_turns_the_robot() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, shapes=False)
     q = robot.posture("standing")
@@ -181,26 +175,20 @@ def test_a_push_beside_the_com_turns_the_robot(load: Load) -> None:
 
 
 @pytest.mark.slow
-def test_same_input_same_bits(load: Load, rng: np.random.Generator) -> None:
+def test_same_input_same_bits(rng: np.random.Generator) -> None:
     robot = load("g1")
     plant, ends = Plant(robot), []
     torques = rng.normal(size=(40, robot.nv - 6))
-    for _ in range(2):
-        plant.reset(robot.posture("standing"))
-        plant.push("pelvis", [50.0, 0.0, 0.0], duration=0.05)
+    for one in (plant, plant, Plant(robot)):
+        one.reset(robot.posture("standing"))
+        one.push("pelvis", [50.0, 0.0, 0.0], duration=0.05)
         for torque in torques:
-            plant.step(torque)
-        ends.append(np.concatenate((*plant.state(), plant.contacts.forces.ravel())))
-    fresh = Plant(robot)
-    fresh.reset(robot.posture("standing"))
-    fresh.push("pelvis", [50.0, 0.0, 0.0], duration=0.05)
-    for torque in torques:
-        fresh.step(torque)
-    ends.append(np.concatenate((*fresh.state(), fresh.contacts.forces.ravel())))
+            one.step(torque)
+        ends.append(np.concatenate((*one.state(), one.contacts.forces.ravel())))
     assert ends[0].tobytes() == ends[1].tobytes() == ends[2].tobytes()
 
 
-def test_a_fallen_robot_lies_on_the_ground(load: Load) -> None:
+def test_a_fallen_robot_lies_on_the_ground() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot)
     plant.reset(robot.posture("standing"), np.eye(robot.nv)[0] * 1.0)
@@ -213,7 +201,7 @@ def test_a_fallen_robot_lies_on_the_ground(load: Load) -> None:
     assert total[2] == pytest.approx(9.81 * robot.mass, rel=0.2)
 
 
-def test_a_blow_up_is_an_error_with_time_and_joint(load: Load) -> None:
+def test_a_blow_up_is_an_error_with_time_and_joint() -> None:
     plant = Plant(load("hoap2_like"), saturate=False)
     torque = np.zeros(plant.robot.nv - 6)
     torque[plant.robot.joint_index("left_elbow_pitch") - 6] = 1e12
@@ -226,7 +214,7 @@ def test_a_blow_up_is_an_error_with_time_and_joint(load: Load) -> None:
     plant.step(np.zeros(plant.robot.nv - 6))
 
 
-def test_torques_are_held_to_the_effort_limits(load: Load) -> None:
+def test_torques_are_held_to_the_effort_limits() -> None:
     robot = load("g1")
     plants = Plant(robot), Plant(robot)
     limit = robot.limits.effort
@@ -237,13 +225,18 @@ def test_torques_are_held_to_the_effort_limits(load: Load) -> None:
     assert (plants[0].saturated == 3).all() and not plants[1].saturated.any()
 
 
+def locked() -> Robot:
+    """A robot that stands as a block: all joints but the first are locked."""
+    robot = load("hoap2_like")
+    values = robot.limits.joint_positions(robot.posture())
+    names = robot.joint_names
+    return Robot.load("hoap2_like", locked=dict(zip(names[1:], values[1:], strict=True)))
+
+
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_on_a_slope_it_slides_as_a_block_does(friction: float) -> None:
     """Joints are locked: at rest up to tan(a) = mu, then with g (sin a - mu cos a)."""
-    names = Robot.load("hoap2_like").joint_names
-    standing = Robot.load("hoap2_like")
-    values = standing.limits.joint_positions(standing.posture())
-    robot = Robot.load("hoap2_like", locked=dict(zip(names[1:], values[1:], strict=True)))
+    robot = locked()
     rise, time = 0.2, 0.3
     angle = np.arctan(rise)
     c, s = np.cos(angle), np.sin(angle)
@@ -263,7 +256,7 @@ def test_on_a_slope_it_slides_as_a_block_does(friction: float) -> None:
     assert (along <= friction * f.normal_forces * (1 + 1e-6) + 1e-9).all()
 
 
-def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
+def test_a_step_carries_the_foot_that_stands_on_it() -> None:
     robot = load("hoap2_like")
     q = robot.posture("standing")
     q[2] += 0.05
@@ -276,7 +269,7 @@ def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
 
 
 @pytest.mark.slow
-def test_an_arm_stops_at_the_body_if_links_may_meet(load: Load) -> None:
+def test_an_arm_stops_at_the_body_if_links_may_meet() -> None:
     """An arm that is driven across the body goes through it by default, as it says."""
     robot, ends = load("g1"), []
     joint = robot.joint_index("left_shoulder_roll_joint") - 6
@@ -299,7 +292,7 @@ def test_an_arm_stops_at_the_body_if_links_may_meet(load: Load) -> None:
 
 
 @pytest.mark.slow
-def test_links_that_may_meet_do_not_when_standing(load: Load) -> None:
+def test_links_that_may_meet_do_not_when_standing() -> None:
     for name in ("g1", "hoap2_like"):
         robot = load(name)
         plant = Plant(robot, self_collision=True)
@@ -309,11 +302,9 @@ def test_links_that_may_meet_do_not_when_standing(load: Load) -> None:
         assert len(plant.contacts.points) == sum(len(f.polygon) for f in robot.feet.values())
 
 
-def test_a_step_edge_below_the_soles_is_felt(hoap2: Robot) -> None:
-    """Feet that stand half over an edge press on it; with all joints but the head's locked."""
-    values = hoap2.limits.joint_positions(hoap2.posture())
-    locked = dict(zip(hoap2.joint_names[1:], values[1:], strict=True))
-    robot = Robot.load("hoap2_like", locked=locked)
+def test_a_step_edge_below_the_soles_is_felt() -> None:
+    """Feet that stand half over an edge press on it."""
+    robot = locked()
     q = robot.posture("standing")
     start = robot.snapshot(q)
     sole = start.position("left_sole")[0] + robot.feet["left"].polygon[:, 0]
@@ -339,7 +330,7 @@ def test_a_step_edge_below_the_soles_is_felt(hoap2: Robot) -> None:
     assert plant.contacts.points[:, 0].max() == pytest.approx(start.com[0] - 0.02, abs=0.01)
 
 
-def test_mistakes_are_typed(load: Load) -> None:
+def test_mistakes_are_typed() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot)
     zero = np.zeros(robot.nv - 6)
@@ -372,7 +363,7 @@ def test_mistakes_are_typed(load: Load) -> None:
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
-def test_a_copy_goes_on_by_itself(load: Load, how: Callable[[Plant], Plant]) -> None:
+def test_a_copy_goes_on_by_itself(how: Callable[[Plant], Plant]) -> None:
     """From where the plant was, with its noise, delay and push; which may go on before it."""
     sensors = Sensors(position_noise=1e-3, delay=0.002)
     robot = load("hoap2_like")

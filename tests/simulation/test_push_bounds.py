@@ -1,12 +1,16 @@
-"""What theory says of pushes: against the linear inverted pendulum, integrated."""
+"""What theory says of pushes: M omega d, and against the linear inverted pendulum, integrated."""
 
 import math
-from collections.abc import Callable
+from copy import deepcopy
 
 import numpy as np
 import pytest
 
-from wbc.robot import Robot
+from tests.conftest import load
+from tests.standing import standing
+from wbc.constraints.com_support import support_polygon
+from wbc.errors import InvalidInputError
+from wbc.polygon import polygon_margin
 from wbc.simulation import capture_impulse
 from wbc.simulation.campaign import compass_angles
 from wbc.simulation.push_bounds import hip_torque, pulse_factor, push_bounds
@@ -44,9 +48,8 @@ def test_a_push_at_once_has_no_factor() -> None:
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1"])
-def test_bounds_of_a_robot(name: str, load: Callable[[str], Robot]) -> None:
-    robot = load(name)
-    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+def test_bounds_of_a_robot(name: str) -> None:
+    start = standing(load(name))
     angles = compass_angles(16)
     bounds = push_bounds(start, FEET, angles, 0.1, 1.2)
     units = [capture_impulse(start, FEET, (np.cos(a), np.sin(a))) for a in angles]
@@ -57,9 +60,9 @@ def test_bounds_of_a_robot(name: str, load: Callable[[str], Robot]) -> None:
     assert smaller is not None and (smaller < bounds.wheel).all()
 
 
-def test_hips_of_a_g1_are_its_pitch_and_roll_motors(load: Callable[[str], Robot]) -> None:
-    robot = load("g1")
-    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+def test_hips_of_a_g1_are_its_pitch_and_roll_motors() -> None:
+    start = standing(load("g1"))
+    robot = start.robot
     effort = dict(zip(robot.joint_names, robot.limits.effort.tolist(), strict=True))
     # The pitch axes of a G1 are across the trunk; those of roll are inclined by 27 degrees.
     pitch = 2.0 * effort["left_hip_pitch_joint"]
@@ -68,11 +71,37 @@ def test_hips_of_a_g1_are_its_pitch_and_roll_motors(load: Callable[[str], Robot]
     assert 0.85 * roll < hip_torque(start, FEET, 0) <= roll
 
 
-def test_without_effort_limits_there_is_no_estimate(
-    load: Callable[[str], Robot], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_effort_limits_there_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wbc.simulation.push_bounds.hip_torque", lambda *_: math.inf)
-    robot = load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    bounds = push_bounds(start, FEET, compass_angles(4), 0.1, 1.2)
+    bounds = push_bounds(standing(load("hoap2_like")), FEET, compass_angles(4), 0.1, 1.2)
     assert bounds.wheel is None and "effort" in bounds.why_no_wheel
+
+
+def test_it_moves_the_capture_point_to_the_edge() -> None:
+    here = standing(load("hoap2_like"))
+    robot = here.robot
+    polygon = support_polygon(here, FEET)
+    ground = here.position(robot.foot("left").frame)[2]
+    omega = np.sqrt(9.81 / (here.com[2] - ground))
+    for angle in np.linspace(0.0, 2.0 * np.pi, 9):
+        u = np.array((np.cos(angle), np.sin(angle)))
+        impulse = capture_impulse(here, FEET, 7.0 * u)
+        point = here.com[:2] + impulse / (robot.mass * omega) * u
+        np.testing.assert_allclose(polygon_margin(polygon, point), 0.0, atol=1e-12)
+    with pytest.raises(InvalidInputError, match="outside the soles"):
+        capture_impulse(here, ("left",), (1.0, 0.0))  # between the feet
+
+
+def test_the_robot_s_own_gravity_counts() -> None:
+    """M omega d goes with the root of gravity; a plant takes it from the model too."""
+    earth = load("hoap2_like")
+    moon = deepcopy(earth)
+    moon.model.gravity.linear = np.array((0.0, 0.0, -earth.gravity / 4.0))
+    impulses = [capture_impulse(standing(one), FEET, (1.0, 0.0)) for one in (earth, moon)]
+    assert impulses[1] == pytest.approx(0.5 * impulses[0], rel=1e-12)
+    assert moon.weight == pytest.approx(0.25 * earth.weight, rel=1e-12)
+
+
+def test_a_direction_along_the_ground_is_needed() -> None:
+    with pytest.raises(InvalidInputError, match="needs a part along the ground"):
+        capture_impulse(standing(load("hoap2_like")), FEET, (0, 0, 1.0))

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.robot import Robot
+from tests.conftest import load
+from tests.standing import standing
 from wbc.simulation import PushGrid, PushMap, PushOutcome
 from wbc.simulation.push_bounds import push_bounds
 from wbc.simulation.push_map import compare_maps, save_maps
@@ -28,13 +29,11 @@ def outcomes(table: tuple[str, ...]) -> list[PushOutcome]:
 
 
 @pytest.fixture
-def made(load: Callable[[str], Robot]) -> Callable[[tuple[str, ...]], PushMap]:
-    robot = load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    bounds = push_bounds(start, ("left", "right"), GRID.angles, 0.1, 1.2)
+def made() -> Callable[[tuple[str, ...]], PushMap]:
+    bounds = push_bounds(standing(load("hoap2_like")), ("left", "right"), GRID.angles, 0.1, 1.2)
 
     def one(table: tuple[str, ...]) -> PushMap:
-        return PushMap("p", robot.name, GRID, outcomes(table), bounds, bounds)
+        return PushMap("p", "hoap2_like", GRID, outcomes(table), bounds, bounds)
 
     return one
 

@@ -1,23 +1,26 @@
 """What is measured: nothing changed without faults; noise as asked for; late and lost frames."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
+from tests.conftest import load
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation import Plant, Sensors
 
-Load = Callable[[str], Robot]
 QUIET = {"shapes": False}
+
+
+def drop(plant: Plant) -> None:
+    """Begin in free fall."""
+    q = plant.robot.posture("standing")
+    q[2] += 50.0
+    plant.reset(q)
 
 
 def stepped(plant: Plant, count: int) -> list[tuple[np.ndarray, np.ndarray] | None]:
     """Measurements before each of ``count`` steps from the standing posture, in free fall."""
-    q = plant.robot.posture("standing")
-    q[2] += 50.0
-    plant.reset(q)
+    drop(plant)
     found = []
     for _ in range(count):
         found.append(plant.measure())
@@ -25,7 +28,7 @@ def stepped(plant: Plant, count: int) -> list[tuple[np.ndarray, np.ndarray] | No
     return found
 
 
-def test_without_faults_the_state_is_measured(load: Load) -> None:
+def test_without_faults_the_state_is_measured() -> None:
     plant = Plant(load("g1"))
     measured = plant.measure()
     assert measured is not None
@@ -33,7 +36,7 @@ def test_without_faults_the_state_is_measured(load: Load) -> None:
         assert seen.tobytes() == true.tobytes()
 
 
-def test_noise_has_the_spread_asked_for_and_no_bias(load: Load) -> None:
+def test_noise_has_the_spread_asked_for_and_no_bias() -> None:
     robot = load("g1")
     sensors = Sensors(
         position_noise=1e-3,
@@ -46,9 +49,7 @@ def test_noise_has_the_spread_asked_for_and_no_bias(load: Load) -> None:
     )
     plant = Plant(robot, sensors=sensors, **QUIET)
     errors_q, errors_v = [], []
-    q = robot.posture("standing")
-    q[2] += 50.0
-    plant.reset(q)
+    drop(plant)
     for _ in range(400):
         (seen_q, seen_v), (true_q, true_v) = plant.measure(), plant.state()
         errors_q.append(robot.difference(true_q, seen_q))
@@ -68,7 +69,7 @@ def test_noise_has_the_spread_asked_for_and_no_bias(load: Load) -> None:
             assert abs(correlation) < 4.0 / np.sqrt(len(errors))
 
 
-def test_a_bias_stays_until_the_seed_changes(load: Load) -> None:
+def test_a_bias_stays_until_the_seed_changes() -> None:
     robot = load("g1")
     offsets = []
     for seed in (1, 1, 2):
@@ -87,7 +88,7 @@ def test_a_bias_stays_until_the_seed_changes(load: Load) -> None:
     assert np.abs(offsets[4] - offsets[0])[6:].max() > 1e-3
 
 
-def test_a_delay_shows_the_state_of_then(load: Load) -> None:
+def test_a_delay_shows_the_state_of_then() -> None:
     robot = load("hoap2_like")
     now = stepped(Plant(robot, **QUIET), 12)
     late = stepped(Plant(robot, sensors=Sensors(delay=0.004), **QUIET), 12)
@@ -98,7 +99,7 @@ def test_a_delay_shows_the_state_of_then(load: Load) -> None:
         np.testing.assert_allclose(seen[1], then[1], atol=1e-12)
 
 
-def test_a_latency_applies_the_torques_of_then(load: Load, rng: np.random.Generator) -> None:
+def test_a_latency_applies_the_torques_of_then(rng: np.random.Generator) -> None:
     """Torques shifted by hand against torques that the plant holds back."""
     robot = load("hoap2_like")
     torques = 0.1 * rng.normal(size=(10, robot.nv - 6))
@@ -114,7 +115,7 @@ def test_a_latency_applies_the_torques_of_then(load: Load, rng: np.random.Genera
     assert late.time == pytest.approx(by_hand.time)
 
 
-def test_frames_are_lost_as_often_as_asked_for(load: Load) -> None:
+def test_frames_are_lost_as_often_as_asked_for() -> None:
     robot = load("hoap2_like")
     found = stepped(Plant(robot, sensors=Sensors(dropout=0.3, seed=5), **QUIET), 400)
     share = np.mean([frame is None for frame in found])
@@ -123,13 +124,11 @@ def test_frames_are_lost_as_often_as_asked_for(load: Load) -> None:
     assert [frame is None for frame in found] == [frame is None for frame in again]
 
 
-def test_asking_twice_changes_nothing(load: Load) -> None:
+def test_asking_twice_changes_nothing() -> None:
     robot, sensors = load("hoap2_like"), Sensors(position_noise=0.01, velocity_noise=0.1, seed=9)
     once = stepped(Plant(robot, sensors=sensors, **QUIET), 5)
     plant = Plant(robot, sensors=sensors, **QUIET)
-    q = robot.posture("standing")
-    q[2] += 50.0
-    plant.reset(q)
+    drop(plant)
     for frame in once:
         first, second = plant.measure(), plant.measure()
         assert frame is not None and first is not None and second is not None
@@ -138,7 +137,7 @@ def test_asking_twice_changes_nothing(load: Load) -> None:
         plant.step(np.zeros(robot.nv - 6))
 
 
-def test_a_fixed_base_is_known(load: Load) -> None:
+def test_a_fixed_base_is_known() -> None:
     robot = Robot.load("hoap2_like", base="fixed", feet={})
     plant = Plant(robot, sensors=Sensors(base_position_noise=1.0, base_rate_noise=1.0), **QUIET)
     measured = plant.measure()
@@ -162,6 +161,6 @@ def test_mistakes_are_typed(options: dict[str, float], words: str) -> None:
         Sensors(**options)
 
 
-def test_a_delay_is_a_multiple_of_the_physics_step(load: Load) -> None:
+def test_a_delay_is_a_multiple_of_the_physics_step() -> None:
     with pytest.raises(InvalidInputError, match=r"delay.* multiple"):
         Plant(load("hoap2_like"), sensors=Sensors(delay=0.0015))

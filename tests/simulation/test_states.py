@@ -1,45 +1,33 @@
 """States in MuJoCo's coordinates: round trips, and rates by finite differences."""
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 import pytest
 
+from tests.conftest import load, random_state
 from tests.simulation.accelerations import acceleration_from_mujoco, acceleration_to_mujoco
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
+from wbc.robot import Robot, robot_names
 from wbc.simulation import Plant
-
-State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
 
 
 @pytest.fixture
-def odd(mixed: Robot) -> Plant:
-    return Plant(mixed)  # continuous joints, slides, odd axes
+def odd() -> Plant:
+    return Plant(load("mixed_joints"))  # continuous joints, slides, odd axes
 
 
-def test_round_trip(humanoid: Robot, random_state: State, rng: np.random.Generator) -> None:
-    plant = Plant(humanoid, shapes=False)
-    for _ in range(10):
-        q, v = random_state(humanoid, rng)
+@pytest.mark.parametrize("name", [*robot_names(), "mixed_joints"])
+def test_round_trip(name: str, rng: np.random.Generator) -> None:
+    plant = Plant(load(name), shapes=False)
+    for _ in range(20):
+        q, v = random_state(plant.robot, rng)
         back = plant.states.from_mujoco(*plant.states.to_mujoco(q, v))
         np.testing.assert_allclose(back[0], q, atol=1e-14)
         np.testing.assert_allclose(back[1], v, atol=1e-14)
 
 
-def test_round_trip_of_continuous_joints(
-    odd: Plant, random_state: State, rng: np.random.Generator
-) -> None:
-    for _ in range(20):
-        q, v = random_state(odd.robot, rng)
-        back = odd.states.from_mujoco(*odd.states.to_mujoco(q, v))
-        np.testing.assert_allclose(back[0], q, atol=1e-14)
-        np.testing.assert_allclose(back[1], v, atol=1e-14)
-
-
 def test_the_velocity_is_the_rate_of_the_configuration(
-    odd: Plant, random_state: State, rng: np.random.Generator
+    odd: Plant, rng: np.random.Generator
 ) -> None:
     """MuJoCo's own integration of ``qvel`` against Pinocchio's of ``v``: they differ by h^2."""
     h = 1e-6
@@ -52,9 +40,7 @@ def test_the_velocity_is_the_rate_of_the_configuration(
         np.testing.assert_allclose(step, v, atol=1e-4)  # h |v|^2, and rounding 1e-16 / h
 
 
-def test_the_acceleration_is_the_rate_of_the_velocity(
-    odd: Plant, random_state: State, rng: np.random.Generator
-) -> None:
+def test_the_acceleration_is_the_rate_of_the_velocity(odd: Plant, rng: np.random.Generator) -> None:
     h = 1e-6
     states, robot = odd.states, odd.robot
     for _ in range(5):
@@ -67,7 +53,7 @@ def test_the_acceleration_is_the_rate_of_the_velocity(
         np.testing.assert_allclose(acceleration_from_mujoco(states, q, v, qacc), a, atol=1e-12)
 
 
-def test_a_fixed_base_stays_where_it_is_put(load: Callable[[str], Robot]) -> None:
+def test_a_fixed_base_stays_where_it_is_put() -> None:
     robot = Robot.load("hoap2_like", base="fixed", feet={})
     plant = Plant(robot, shapes=False)
     q = robot.posture("neutral", on_ground=False)

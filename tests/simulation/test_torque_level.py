@@ -1,23 +1,20 @@
 """The torque level on a plant that is not its model: MuJoCo."""
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 import pytest
 
 import wbc
+from tests.conftest import random_state
 from tests.simulation.accelerations import acceleration_from_mujoco
 from tests.standing import stack
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
-State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
-
 
 @pytest.mark.parametrize("mode", ["double", "right", "floating"])
 def test_forward_dynamics_give_the_acceleration_of_the_tick(
-    mode: str, humanoid: Robot, random_state: State, rng: np.random.Generator
+    mode: str, humanoid: Robot, rng: np.random.Generator
 ) -> None:
     """Oracle: MuJoCo's accelerations under the tick's torques and contact forces."""
     robot = humanoid
