@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tests.standing
 import wbc
 from tests.conftest import load
+from tests.standing import torque_controller
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
@@ -17,15 +19,7 @@ DT = 0.002
 
 
 def standing(robot: Robot) -> wbc.TorqueController:
-    start = robot.snapshot(robot.posture("standing"))
-    tasks = [
-        wbc.ComTask(robot, start.com, weight=10.0),
-        wbc.OrientationTask(robot, "base", start.rotation("base")),
-        wbc.PostureTask(robot, start.q, weight=0.1),
-    ]
-    return wbc.TorqueController(
-        robot, tasks, contacts=wbc.support(start, "double"), dt=DT, solver="daqp"
-    )
+    return torque_controller(tests.standing.standing(robot), solver="daqp")
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.standing import standing, torque_controller
 from wbc.errors import InvalidInputError, ProblemFileError
 from wbc.estimation import ContactFilter, EstimatorSettings
 from wbc.gait import Walker
@@ -30,17 +31,6 @@ from wbc.simulation.sensors_reading import Sensing
 TURNED = exp_rotation(np.array((0.3, -0.5, 1.2)))
 EXACT = {f"{of}_{what}": 0.0 for of in ("gyroscope", "accelerometer") for what in ("noise", "bias")}
 EXACT |= {"gyroscope_walk": 0.0, "accelerometer_walk": 0.0}
-
-
-def standing(robot: Robot) -> wbc.TorqueController:
-    start = robot.snapshot(robot.posture())
-    tasks = [
-        wbc.ComTask(robot, start.com, weight=10.0),
-        wbc.OrientationTask(robot, "torso", start.rotation("torso"), name="torso"),
-        wbc.PostureTask(robot, start.q, weight=0.1),
-    ]
-    contacts = wbc.support(start, "double")
-    return wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot), dt=0.002)
 
 
 def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap2: Robot) -> None:
@@ -133,10 +123,11 @@ def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap2: Robot) -> N
     imus = (Imu(frame="torso", rotation=TURNED, position=(0.0, 0.02, 0.05)),)
     ends = []
     for _ in range(2):
+        controller = torque_controller(standing(hoap2), limits=wbc.Limits(hoap2))
         plant = SensedPlant(hoap2, devices=Devices(imus=imus, seed=3))
         plant.reset(hoap2.posture())
         plant.push("base", (6.0, 0.0, 0.0), start=0.1, duration=0.1)
-        *_, last = simulate(standing(hoap2), plant, 0.5)
+        *_, last = simulate(controller, plant, 0.5)
         assert last.verdict.stood
         ends.append(plant.state()[0].tobytes())
     assert ends[0] == ends[1]

@@ -7,7 +7,7 @@ import pytest
 import wbc
 from tests.conftest import random_state
 from tests.simulation.accelerations import acceleration_from_mujoco
-from tests.standing import stack
+from tests.standing import stack, torque_controller
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
@@ -52,13 +52,7 @@ def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
     plant = Plant(robot)
     plant.reset(robot.posture("standing"))
     start = plant.snapshot()
-    controller = wbc.TorqueController(
-        robot,
-        stack(start),
-        contacts=wbc.support(start, "double"),
-        limits=wbc.Limits(robot),
-        dt=0.002,
-    )
+    controller = torque_controller(start, limits=wbc.Limits(robot))
     for _ in range(250):
         tick = controller.step(plant.snapshot())
         assert tick.policy is None, tick.report()
