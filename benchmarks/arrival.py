@@ -18,6 +18,7 @@ from shaping_scipy import Target, axes, targets
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import closed_loop
 from wbc.robot import Robot
 from wbc.spatial import vech
 from wbc.tasks import InertiaTask
@@ -46,18 +47,14 @@ def errors(
     robot: Robot, target: Target, second_order: bool, solver: str
 ) -> tuple[np.ndarray, float]:
     """Return the norm of the error after each tick, and the CPU time of a tick [s]."""
-    q, v = robot.posture(), np.zeros(robot.nv)
+    q = robot.posture()
     task = InertiaTask(robot, target.inertia, frame=axes(target.mode), second_order=second_order)
     contacts = support(robot.snapshot(q), target.mode)
     controller = KinematicController(
         robot, [task], contacts=contacts, limits=Limits(robot), dt=DT, solver=solver
     )
-    norms, start = [], thread_time()
-    for _ in range(round((SECONDS + LONGER) / DT)):
-        tick = controller.step(robot.snapshot(q, v))
-        norms.append(float(np.linalg.norm(tick.errors[task.name])))
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
+    start, ticks = thread_time(), closed_loop(controller, q, round((SECONDS + LONGER) / DT))
+    norms = [float(np.linalg.norm(one.tick.errors[task.name])) for one in ticks]
     return np.array(norms), (thread_time() - start) / len(norms)
 
 

@@ -24,6 +24,7 @@ from random_ticks import SUPPORTS, clear_posture, random_tasks
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import closed_loop
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel
 from wbc.tasks import PositionTask, PostureTask
@@ -84,9 +85,8 @@ def episode(
         dt=DT,
         solver=solver,
     )
-    v = np.zeros(robot.nv)
-    for _ in range(EPISODE):
-        tick = controller.step(robot.snapshot(q, v))
+    for now in closed_loop(controller, q, EPISODE):
+        tick, v = now.tick, now.snapshot.v
         record.ticks += 1
         record.statuses[tick.status.value] += 1
         record.cut += len(tick.qp.l) > min(PAIRS, len(margins.model.pairs))
@@ -98,9 +98,7 @@ def episode(
         change = float((np.abs(tick.velocity - v)[6:] / (limits.acceleration * DT)).max())
         record.hard += change > 1.0 + 1e-6
         record.hardest = max(record.hardest, change)
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
-        clearance = clearances(margins, robot.snapshot(q))
+        clearance = clearances(margins, robot.snapshot(now.q))
         k = int(clearance.argmin())
         broken = -float(clearance[k])
         record.near += broken > -1e-3
@@ -207,7 +205,7 @@ def pressed(solver: str) -> None:
         robot = Robot.load(name)
         limits = Limits(robot)
         margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, limits=limits)
-        q, v = robot.posture("standing"), np.zeros(robot.nv)
+        q = robot.posture("standing")
         here = robot.snapshot(q)
         tasks = [
             PositionTask(robot, hand, here.com + [0.0, 0.0, 0.1], weight=1.0, gain=0.1)
@@ -222,24 +220,19 @@ def pressed(solver: str) -> None:
             dt=DT,
             solver=solver,
         )
-        history = []
-        for _ in range(1500):
-            tick = controller.step(robot.snapshot(q, v))
-            v = tick.velocity
-            q = robot.integrate(q, v, DT)
-            history.append(v[6:])
-        rates = np.array(history)
+        history = list(closed_loop(controller, q, 1500))
+        rates = np.array([one.tick.velocity[6:] for one in history])
         strong = np.minimum(np.abs(rates[1:]), np.abs(rates[:-1])) > 1e-3
         turns = (rates[1:] * rates[:-1] < 0.0) & strong
         # A joint that reverses twice within ten ticks chatters.
         recent = np.cumsum(np.vstack((np.zeros_like(rates[:1]), turns)), axis=0)
         trembles = int((recent[10:] - recent[:-10] > 1).any(axis=1).sum())
         late = float(np.abs(rates[-300:]).max())
-        gap = clearances(margins, robot.snapshot(q)).min()
+        gap = clearances(margins, robot.snapshot(history[-1].q)).min()
         print(
             f"{name:8s} {int(turns.sum())} of {turns.shape[1]} joints, {trembles} ticks with two "
             f"turns within 10; largest late speed {late:.1e} rad/s, "
-            f"least distance - margin {gap * 1e3:.4f} mm, held by {tick.active[:2]}"
+            f"least distance - margin {gap * 1e3:.4f} mm, held by {history[-1].tick.active[:2]}"
         )
 
 

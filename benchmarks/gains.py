@@ -12,6 +12,7 @@ import numpy as np
 from qpbench.page import put_section
 
 import wbc
+from wbc.controllers.closed_loop import closed_loop
 
 # Gain of CoM and hand, of trunk and posture; whether weights are those of errors.
 CASES = ((0.02, 0.5, False), (0.02, 0.02, False), (0.5, 0.5, False), (0.02, 0.5, True))
@@ -22,7 +23,7 @@ def at_rest(
     robot: wbc.Robot, reaching: float, others: float, weighs_error: bool
 ) -> tuple[float, float, float]:
     """Return the remaining errors of CoM [m], hand [m] and trunk [rad]."""
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    q = robot.posture("standing")
     start, how = robot.snapshot(q), {"weighs_error": weighs_error}
     tasks = [
         wbc.ComTask(robot, start.com - [0.0, 0.0, 0.15], weight=10.0, gain=reaching,
@@ -37,11 +38,9 @@ def at_rest(
         robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot),
         constraints=[wbc.ComSupport.over(start, margin=0.01)], dt=DT,
     )  # fmt: skip
-    for _ in range(TICKS):
-        tick = controller.step(robot.snapshot(q, v))
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
-    com, hand, trunk = (float(np.linalg.norm(tick.errors[k])) for k in ("com", "hand", "trunk"))
+    *_, last = closed_loop(controller, q, TICKS)
+    errors = last.tick.errors
+    com, hand, trunk = (float(np.linalg.norm(errors[k])) for k in ("com", "hand", "trunk"))
     return com, hand, trunk
 
 

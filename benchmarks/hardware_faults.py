@@ -252,20 +252,8 @@ class Rig:
 # ---------------------------------------------------------------------- faults of readings
 
 
-def of_joint(name: str, value: Callable[[np.ndarray, Any, int], float]) -> Change:
-    """Return a fault of one joint's sensor; ``value`` gets the field, the memory and the cycle."""
-
-    def change(r: Reading, since: int, memory: Any) -> Readings:
-        field = np.array(getattr(r, name))
-        memory.first = field.copy() if memory.first is None else memory.first
-        field[JOINT] = value(field, memory, since)
-        return [replace(r, **{name: field})]
-
-    return change
-
-
 def of_imu(name: str, value: Callable[[np.ndarray, Any], np.ndarray]) -> Change:
-    """Return a fault of a part of the IMU."""
+    """Return a fault of a part of the IMU, or of all joints."""
 
     def change(r: Reading, since: int, memory: Any) -> Readings:
         field = np.array(getattr(r, name))
@@ -273,6 +261,16 @@ def of_imu(name: str, value: Callable[[np.ndarray, Any], np.ndarray]) -> Change:
         return [replace(r, **{name: value(field, memory)})]
 
     return change
+
+
+def of_joint(name: str, value: Callable[[np.ndarray, Any], float]) -> Change:
+    """Return a fault of one joint's sensor; ``value`` gets the field and the memory."""
+
+    def changed(field: np.ndarray, memory: Any) -> np.ndarray:
+        field[JOINT] = value(field, memory)
+        return field
+
+    return of_imu(name, changed)
 
 
 def late_by(cycles: int) -> Change:
@@ -306,30 +304,28 @@ def nan_of(field: np.ndarray, memory: Any) -> np.ndarray:
     return np.full_like(field, np.nan)
 
 
+JUMP = of_joint("position", lambda f, m: f[JOINT] + 0.4)
 READING_FAULTS: dict[str, tuple[Change, Mode]] = {
-    "position dead": (of_joint("position", lambda f, m, k: 0.0), Mode.STOP),
-    "position frozen": (of_joint("position", lambda f, m, k: m.first[JOINT]), Mode.STOP),
-    "position NaN": (of_joint("position", lambda f, m, k: np.nan), Mode.STOP),
-    "position infinite": (of_joint("position", lambda f, m, k: np.inf), Mode.STOP),
-    "position jumped": (of_joint("position", lambda f, m, k: f[JOINT] + 0.4), Mode.STOP),
-    "position sign swapped": (of_joint("position", lambda f, m, k: -f[JOINT]), Mode.STOP),
-    "position jumped once": (
-        of_joint("position", lambda f, m, k: f[JOINT] + 0.4 * (k == 0)),
-        Mode.RUNNING,
-    ),
-    "velocity dead": (of_joint("velocity", lambda f, m, k: 0.0), Mode.STOP),
-    "velocity frozen": (of_joint("velocity", lambda f, m, k: m.first[JOINT]), Mode.STOP),
-    "velocity NaN": (of_joint("velocity", lambda f, m, k: np.nan), Mode.STOP),
-    "velocity jumped": (of_joint("velocity", lambda f, m, k: f[JOINT] + 1e3), Mode.STOP),
-    "velocity sign swapped": (of_joint("velocity", lambda f, m, k: -f[JOINT]), Mode.STOP),
-    "torque dead": (of_joint("torque", lambda f, m, k: 0.0), Mode.STOP),
-    "torque NaN": (of_joint("torque", lambda f, m, k: np.nan), Mode.STOP),
-    "torque sign swapped": (of_joint("torque", lambda f, m, k: -f[JOINT]), Mode.STOP),
-    "torque beyond the limit": (of_joint("torque", lambda f, m, k: 2.0 * f[JOINT]), Mode.STOP),
-    "temperature NaN": (of_joint("temperature", lambda f, m, k: np.nan), Mode.STOP),
-    "temperature dead": (of_joint("temperature", lambda f, m, k: -273.0), Mode.STOP),
-    "motor warm": (of_joint("temperature", lambda f, m, k: 85.0), Mode.DAMPING),
-    "motor hot": (of_joint("temperature", lambda f, m, k: 100.0), Mode.STOP),
+    "position dead": (of_joint("position", lambda f, m: 0.0), Mode.STOP),
+    "position frozen": (of_joint("position", lambda f, m: m.first[JOINT]), Mode.STOP),
+    "position NaN": (of_joint("position", lambda f, m: np.nan), Mode.STOP),
+    "position infinite": (of_joint("position", lambda f, m: np.inf), Mode.STOP),
+    "position jumped": (JUMP, Mode.STOP),
+    "position sign swapped": (of_joint("position", lambda f, m: -f[JOINT]), Mode.STOP),
+    "position jumped once": (lambda r, k, m: JUMP(r, k, m) if k == 0 else [r], Mode.RUNNING),
+    "velocity dead": (of_joint("velocity", lambda f, m: 0.0), Mode.STOP),
+    "velocity frozen": (of_joint("velocity", lambda f, m: m.first[JOINT]), Mode.STOP),
+    "velocity NaN": (of_joint("velocity", lambda f, m: np.nan), Mode.STOP),
+    "velocity jumped": (of_joint("velocity", lambda f, m: f[JOINT] + 1e3), Mode.STOP),
+    "velocity sign swapped": (of_joint("velocity", lambda f, m: -f[JOINT]), Mode.STOP),
+    "torque dead": (of_joint("torque", lambda f, m: 0.0), Mode.STOP),
+    "torque NaN": (of_joint("torque", lambda f, m: np.nan), Mode.STOP),
+    "torque sign swapped": (of_joint("torque", lambda f, m: -f[JOINT]), Mode.STOP),
+    "torque beyond the limit": (of_joint("torque", lambda f, m: 2.0 * f[JOINT]), Mode.STOP),
+    "temperature NaN": (of_joint("temperature", lambda f, m: np.nan), Mode.STOP),
+    "temperature dead": (of_joint("temperature", lambda f, m: -273.0), Mode.STOP),
+    "motor warm": (of_joint("temperature", lambda f, m: 85.0), Mode.DAMPING),
+    "motor hot": (of_joint("temperature", lambda f, m: 100.0), Mode.STOP),
     "gyroscope dead": (of_imu("angular_velocity", lambda f, m: 0.0 * f), Mode.STOP),
     "gyroscope frozen": (of_imu("angular_velocity", lambda f, m: m.first), Mode.STOP),
     "gyroscope NaN": (of_imu("angular_velocity", nan_of), Mode.STOP),
@@ -360,10 +356,7 @@ READING_FAULTS: dict[str, tuple[Change, Mode]] = {
     "clock jumps ahead": (shifted(5.0), Mode.RUNNING),
     "clock jumps back": (shifted(-5.0), Mode.RUNNING),
     "clock NaN": (shifted(np.nan), Mode.STOP),
-    "numbers begin anew": (
-        lambda r, k, m: [replace(r, sequence=k + 1)],
-        Mode.STOP,
-    ),
+    "numbers begin anew": (lambda r, k, m: [replace(r, sequence=k + 1)], Mode.STOP),
     "stop button": (lambda r, k, m: [replace(r, stop=True)], Mode.STOP),
 }
 """Each with the mode in which the loop is 0.5 s later."""

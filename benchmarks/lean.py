@@ -24,6 +24,7 @@ import numpy as np
 
 import wbc
 from wbc.constraints.com_support import support_polygon
+from wbc.controllers.closed_loop import closed_loop
 from wbc.laws import AccelerationLaw
 from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.static_lean import StaticLean
@@ -60,11 +61,8 @@ def leaning(robot: wbc.Robot, beyond: float) -> Array:
     ]
     contacts, limits = wbc.support(start, "double"), wbc.Limits(robot)
     controller = wbc.KinematicController(robot, tasks, contacts=contacts, limits=limits, dt=dt)
-    v = None
-    for _ in range(500):
-        v = controller.step(robot.snapshot(q, v)).velocity
-        q = robot.integrate(q, v, dt)
-    return q
+    *_, last = closed_loop(controller, q, 500)
+    return last.q
 
 
 def range_of_turn(robot: wbc.Robot, q: Array) -> float:

@@ -25,6 +25,7 @@ from raw_shapes import RawShapes
 
 from wbc.constraints import Contact, Limits, SelfCollision, support
 from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import closed_loop
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
@@ -92,7 +93,7 @@ def episode(
     record: Record,
 ) -> None:
     """Run one set of random targets from a random posture."""
-    q, v = clear_posture(robot, margins, rng), np.zeros(robot.nv)
+    q = clear_posture(robot, margins, rng)
     here = robot.snapshot(q)
     controller = KinematicController(
         robot,
@@ -102,15 +103,12 @@ def episode(
         constraints=[margins],
         dt=DT,
     )
-    for _ in range(EPISODE):
-        tick = controller.step(robot.snapshot(q, v))
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
+    for now in closed_loop(controller, q, EPISODE):
         record.ticks += 1
-        record.statuses[tick.status.value] += 1
-        record.outside = max(record.outside, -controller.limits.worst_margin(q)[0])
-        record.broken = max(record.broken, raw.broken(q))
-        there = robot.snapshot(q)
+        record.statuses[now.tick.status.value] += 1
+        record.outside = max(record.outside, -controller.limits.worst_margin(now.q)[0])
+        record.broken = max(record.broken, raw.broken(now.q))
+        there = robot.snapshot(now.q)
         slips = [held.slip(there) for held in controller.contacts if isinstance(held, Contact)]
         record.slip = max([record.slip, *slips])
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import closed_loop
 from wbc.robot import Robot, Snapshot
 from wbc.robot.postures import set_mimic_joints
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
@@ -75,22 +76,18 @@ def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, reco
         dt=DT,
         solver=solver,
     )
-    v = np.zeros(robot.nv)
-    for _ in range(EPISODE):
-        here = robot.snapshot(q, v)
-        tick = controller.step(here)
+    for now in closed_loop(controller, q, EPISODE):
+        tick = now.tick
         record.ticks += 1
         record.statuses[tick.status.value] += 1
         if tick.ok:
             record.worst_kkt = max(record.worst_kkt, tick.solution.residuals.primal)
         elif len(record.examples) < 3:
             record.examples.append(tick.report())
-        v = tick.velocity
-        if not np.isfinite(v).all():
+        if not np.isfinite(tick.velocity).all():
             record.examples.append("command not finite")
-        q = robot.integrate(q, v, DT)
-        record.worst_violation = max(record.worst_violation, -limits.worst_margin(q)[0])
-        here = robot.snapshot(q)
+        record.worst_violation = max(record.worst_violation, -limits.worst_margin(now.q)[0])
+        here = robot.snapshot(now.q)
         for contact in controller.contacts:
             record.worst_slip = max(record.worst_slip, contact.slip(here))
 

@@ -48,6 +48,7 @@ from shaping_scipy import Target, axes, scipy_search, targets
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import closed_loop
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, ShapingMotion
 from wbc.spatial import FROBENIUS_WEIGHTS
@@ -102,13 +103,10 @@ def relative_error(task: InertiaTask, robot: Robot, q) -> float:
 def local_rest(robot: Robot, task: InertiaTask, contacts, q, seconds: float = 20.0):
     """Return the configuration where the QP comes to rest from ``q``."""
     controller = KinematicController(robot, [task], contacts=contacts, limits=Limits(robot))
-    v = np.zeros(robot.nv)
-    for _ in range(round(seconds / controller.dt)):
-        v = controller.step(robot.snapshot(q, v)).velocity
-        q = robot.integrate(q, v, controller.dt)
-        if np.abs(v).max() < 1e-5:
+    for now in closed_loop(controller, q, round(seconds / controller.dt)):
+        if now.speed < 1e-5:
             break
-    return q
+    return now.q
 
 
 def cpu_seconds() -> float:

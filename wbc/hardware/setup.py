@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from wbc.errors import InvalidInputError, UnknownNameError, listed
+from wbc.errors import InvalidInputError, listed
 from wbc.hardware.bus import Bus, RobotBus
 from wbc.hardware.loop import PERIOD, HardwareLoop
 from wbc.hardware.operator import Operator
@@ -24,6 +24,7 @@ from wbc.hardware.safety_limits import SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT, UdpBus, UdpRobotBus
 from wbc.hardware.unitree.profiles import Profile, by_pattern
+from wbc.kinds import one_of
 from wbc.problem.problem import Problem
 from wbc.problem.provenance import versions
 from wbc.robot import Robot
@@ -98,8 +99,7 @@ class Where(NamedTuple):
         return UnitreeRobotBus(profile, robot, self.interface, self.domain)
 
     def _check(self) -> None:
-        if self.bus not in BUSES:
-            raise UnknownNameError("bus", self.bus, BUSES)
+        one_of("bus", self.bus, BUSES)
 
 
 def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:
@@ -124,9 +124,7 @@ def estimator_of(name: str, robot: Robot) -> BaseEstimator:
     UnknownNameError
         No such estimator.
     """
-    if name not in ESTIMATORS:
-        raise UnknownNameError("estimator", name, ESTIMATORS)
-    return ESTIMATORS[name](robot)
+    return ESTIMATORS[one_of("estimator", name, list(ESTIMATORS))](robot)
 
 
 def loop_of(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import UnknownNameError
 from wbc.kinds import check_word, one_of
 from wbc.robot import Snapshot
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
@@ -93,8 +92,7 @@ def push_point(point: ArrayLike | str | None, body: str, snapshot: Callable[[], 
     if point is None:
         return np.zeros(3)
     if isinstance(point, str):
-        if point != COM:
-            raise UnknownNameError("point of a push", point, [COM])
+        one_of("point of a push", point, [COM])
         s = snapshot()
         return s.rotation(body).T @ (s.com - s.position(body))
     return finite_array("push, point", point, (3,))

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, UnknownNameError, listed
+from wbc.errors import InvalidInputError, listed
+from wbc.kinds import one_of
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -150,6 +151,4 @@ def profile_named(name: str) -> Profile:
     UnknownNameError
         None of that name.
     """
-    if name not in PROFILES:
-        raise UnknownNameError("robot on a bus", name, PROFILES)
-    return PROFILES[name]
+    return PROFILES[one_of("robot on a bus", name, list(PROFILES))]
