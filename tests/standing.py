@@ -16,7 +16,7 @@ def standing(robot: Robot) -> Snapshot:
 
 
 def commanded(
-    controller: wbc.KinematicController, q: np.ndarray, ticks: int
+    controller: wbc.Controller, q: np.ndarray, ticks: int
 ) -> Iterator[tuple[wbc.Tick, np.ndarray]]:
     """Yield each tick, which is solved, and where it leads a robot that moves as commanded."""
     for one in closed_loop(controller, q, ticks):

@@ -201,27 +201,21 @@ PARTS = {
     "support: double": {
         "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'",
     },
+    "dt: 0.002": {
+        "dt: 0.002, delay: 0.004": "a delay to predict over",
+        "dt: 0.002, friction_compensation: 1": "dry friction",
+    },
 }
 REFUSED = [(old, new, said) for old, by in PARTS.items() for new, said in by.items()]
 
 
 @pytest.mark.parametrize(("old", "new", "said"), REFUSED, ids=[said for *_, said in REFUSED])
-def test_what_the_core_does_not_know_is_named(
+def test_what_the_core_does_not_know_and_python_makes_up_for_is_named(
     old: str, new: str, said: str, tmp_path: Path
 ) -> None:
-    assert VELOCITY.count(old) == 1
-    path = write(tmp_path, re.sub(r", ramp: [\d.]+", "", VELOCITY.replace(old, new)))
-    with pytest.raises(CodegenError, match=said):
-        export_problem(path, tmp_path / "c")
-    assert not (tmp_path / "c").exists()
-
-
-@pytest.mark.parametrize(
-    ("setting", "said"),
-    [("delay: 0.004", "a delay to predict over"), ("friction_compensation: 1", "dry friction")],
-)
-def test_what_python_makes_up_for_is_refused(tmp_path: Path, setting: str, said: str) -> None:
-    path = write(tmp_path, TORQUE.replace("dt: 0.002", f"dt: 0.002, {setting}"))
+    text = VELOCITY if old in VELOCITY else TORQUE
+    assert text.count(old) == 1
+    path = write(tmp_path, re.sub(r", ramp: [\d.]+", "", text.replace(old, new)))
     with pytest.raises(CodegenError, match=said):
         export_problem(path, tmp_path / "c")
     assert not (tmp_path / "c").exists()

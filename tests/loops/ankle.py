@@ -8,6 +8,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from wbc.robot import Robot
 
 CRANK, ROD, GRAVITY, UP = 0.04, 0.25, 9.81, 0.3
 HEIGHT = 0.23  # of the motors above the ankle
@@ -38,6 +41,11 @@ def foot_point(pitch: float, roll: float, p: np.ndarray) -> np.ndarray:
     cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
     y, z = cr * p[1] - sr * p[2], sr * p[1] + cr * p[2]
     return np.array([cp * p[0] + sp * z, y, -sp * p[0] + cp * z])
+
+
+def rotation(pitch: float, roll: float) -> np.ndarray:
+    """Of the foot."""
+    return np.transpose([foot_point(pitch, roll, axis) for axis in np.eye(3)])
 
 
 def energy(pitch: float, roll: float) -> float:
@@ -124,6 +132,11 @@ def urdf(folder: Path) -> Path:
     return path
 
 
-LOOPS = {f"{side} rod": (f"{side}_rod_end", f"{side}_ball") for side in SIDES}
-UNACTUATED = ("pitch", "roll", "*_rod_?")
+@pytest.fixture
+def robot(tmp_path: Path) -> Robot:
+    loops = {f"{side} rod": (f"{side}_rod_end", f"{side}_ball") for side in SIDES}
+    path, unactuated = urdf(tmp_path), ("pitch", "roll", "*_rod_?")
+    return Robot.load(path, base="fixed", loops=loops, unactuated=unactuated)
+
+
 POSES = list(product((-0.3, 0.1, 0.4), (-0.2, 0.15)))

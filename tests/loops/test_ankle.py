@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.loops import ankle
+from tests.standing import commanded
 from wbc import (
     KinematicController,
     Limits,
@@ -15,16 +16,13 @@ from wbc import (
     load_problem,
 )
 from wbc.constraints.mechanics import mechanics_of
-from wbc.robot import Robot
+from wbc.controllers.closed_loop import closed_loop
+from wbc.robot import Robot, Snapshot
 
 MOTORS = ["left_motor", "right_motor"]
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Robot:
-    return Robot.load(
-        ankle.urdf(tmp_path), base="fixed", loops=ankle.LOOPS, unactuated=ankle.UNACTUATED
-    )
+robot = ankle.robot
 
 
 def angles(robot: Robot, q: np.ndarray, *names: str) -> np.ndarray:
@@ -59,22 +57,14 @@ def test_postures_velocities_and_torques_are_the_closed_forms(
 
 def swing(robot: Robot, ticks: int, dt: float = 0.005) -> tuple[float, float]:
     """Let the foot nod and sway; return the largest gap, and distance of motors from the form."""
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
     foot = OrientationTask(robot, "foot", np.eye(3), gain=0.3)
     controller = KinematicController(
         robot, [foot], limits=Limits(robot), dt=dt, solver="active_set"
     )
     gap, off = 0.0, 0.0
-    for k in range(ticks):
+    for k, (_, q) in enumerate(commanded(controller, robot.posture("standing"), ticks)):
         pitch, roll = 0.35 * np.sin(1.1 * k * dt), 0.2 * np.sin(1.7 * k * dt)
-        cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
-        foot.target = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array(
-            [[1, 0, 0], [0, cr, -sr], [0, sr, cr]]
-        )
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, dt)
+        foot.target = ankle.rotation(pitch, roll)
         gap = max(gap, *robot.gaps(q).values())
         now = angles(robot, q, "pitch", "roll")
         form = [ankle.crank_angle(*now, side) for side in ankle.SIDES]
@@ -109,15 +99,13 @@ def test_loops_are_closed_on_every_path_of_a_tick(robot: Robot, path: str, solve
         solver=solver,
         deadline=10.0 if path == "deadline" else None,
     )
-    q, v, bent = start, np.zeros(robot.nv), 0.0
+    q, bent = start, 0.0
     loops = [one for one in controller.contacts if one.name.startswith("loop")]
-    for _ in range(120):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok and not tick.left_out, tick.report()
+    for tick, there in commanded(controller, start, 120):
+        assert not tick.left_out, tick.report()
         J = np.concatenate([one.residual(robot.snapshot(q)).jacobian for one in loops])
-        v = tick.velocity
-        bent = max(bent, float(np.abs(J @ v).max()) * controller.dt)
-        q = robot.integrate(q, v, controller.dt)
+        bent = max(bent, float(np.abs(J @ tick.velocity).max()) * controller.dt)
+        q = there
         assert max(robot.gaps(q).values()) < 1e-9
     assert bent > 1e-8  # what rows that are met to first order would have left
     np.testing.assert_allclose(angles(robot, q, "pitch", "roll"), [0.3, 0.2], atol=0.02)
@@ -133,29 +121,24 @@ def test_five_thousand_ticks_do_not_drift(robot: Robot) -> None:
 def test_five_seconds_of_torques_do_not_drift(robot: Robot) -> None:
     """Integrated, and in the plant, where what nobody drives is held by the rods alone."""
     pytest.importorskip("mujoco")
-    from wbc.simulation import Plant
+    from wbc.simulation import Plant, simulate
 
     start = robot.posture("standing")
     foot = OrientationTask(robot, "foot", np.eye(3), kp=100.0)
     plant = Plant(robot)
+    plant.reset(start)
+
+    def lead(k: int, _: Snapshot) -> TorqueController:
+        foot.target = ankle.rotation(0.3 * np.sin(2.0 * k * controller.dt), 0.0)
+        return controller
+
     for in_plant in (True, False):
         controller = TorqueController(robot, [foot], limits=Limits(robot), damping=1e-6)
-        plant.reset(start)
-        q, v, gap = start, np.zeros(robot.nv), 0.0
-        for k in range(2500):
-            angle = 0.3 * np.sin(2.0 * k * controller.dt)
-            c, s = np.cos(angle), np.sin(angle)
-            foot.target = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-            tick = controller.step(plant.snapshot() if in_plant else robot.snapshot(q, v))
-            assert tick.ok
-            if in_plant:
-                plant.step(tick.torque)
-                q = plant.state()[0]
-            else:
-                v = tick.velocity
-                q = robot.integrate(q, v, controller.dt)
-            gap = max(gap, *robot.gaps(q).values())
-        assert gap < 1e-4
+        moving = simulate(controller, plant, 5.0, update=lead)
+        for now in moving if in_plant else closed_loop(controller, start, 2500, lead):
+            assert now.tick.ok
+            q = plant.state()[0] if in_plant else now.q
+            assert max(robot.gaps(q).values()) < 1e-4
 
 
 def test_loops_in_a_file(tmp_path: Path) -> None:

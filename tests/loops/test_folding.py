@@ -1,15 +1,15 @@
 """What loops determine is taken out of torque QPs: the answer is that of the QP as it stands."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from tests.loops import ankle
+from tests.standing import commanded
 from wbc import Limits, PostureTask, TorqueController
 from wbc.qp.core import DONE, INFEASIBLE, solve_in_core
 from wbc.robot import Robot
-from wbc.validate import Array
+
+robot = ankle.robot
 
 
 def torque_level(robot: Robot, q: np.ndarray, **given: object) -> TorqueController:
@@ -18,26 +18,14 @@ def torque_level(robot: Robot, q: np.ndarray, **given: object) -> TorqueControll
     return TorqueController(robot, [PostureTask(robot, wanted)], limits=Limits(robot), **given)  # type: ignore[arg-type]
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Robot:
-    return Robot.load(
-        ankle.urdf(tmp_path), base="fixed", loops=ankle.LOOPS, unactuated=ankle.UNACTUATED
-    )
-
-
 @pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 @pytest.mark.parametrize(("pitch", "roll"), ankle.POSES)
 def test_torque_tick_of_loops_answers_the_qp_as_it_stands(
     robot: Robot, pitch: float, roll: float, solver: str
 ) -> None:
     q = robot.posture("standing", {"pitch": pitch, "roll": roll})
-    v: Array = np.zeros(robot.nv)
     controller = torque_level(robot, q, solver=solver)
-    for _ in range(5):  # at speed, rows have ends
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, controller.dt)
+    for tick, _ in commanded(controller, q, 5):  # at speed, rows have ends
         whole = solve_in_core(tick.qp, 1e-9, 1000)  # nothing is known of loops there
         assert whole.status == DONE
         np.testing.assert_allclose(tick.solution.x, whole.x, atol=1e-8)

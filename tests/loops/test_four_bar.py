@@ -11,7 +11,7 @@ from tests.standing import commanded
 from wbc import KinematicController, Limits, PostureTask, TorqueController, WbcError
 from wbc.constraints.mechanics import ClosedLoop
 from wbc.robot import Robot
-from wbc.simulation import Plant
+from wbc.simulation import Plant, simulate
 
 pytest.importorskip("mujoco")  # which compiles MJCF
 WELD = '<weld name="pin" body1="coupler" body2="rocker"/>'
@@ -97,10 +97,8 @@ def test_a_pose_is_held_by_controllers_and_the_plant() -> None:
     q = robot.posture("standing")
     controller, plant = TorqueController(robot, [PostureTask(robot, q)]), Plant(robot)
     plant.reset(q)
-    for _ in range(100):
-        tick = controller.step(plant.snapshot())
-        assert tick.ok
-        plant.step(tick.torque)
+    for now in simulate(controller, plant, 0.2):
+        assert now.tick.ok
     there = plant.state()[0]
     assert robot.loops["pin"].kind == "pose" and robot.gaps(there)["pin"] < 1e-4
     assert np.abs(there[7:] - q[7:]).max() < 1e-3
@@ -116,20 +114,14 @@ def test_velocities_are_those_of_the_closed_form(crank: float) -> None:
 
 def follow(robot: Robot, ticks: int, dt: float) -> tuple[float, float]:
     """Swing the crank by 0.8 rad; return the largest gap, and distance from the closed form."""
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
-    task = PostureTask(robot, q, weight=1.0, gain=0.2)
+    start = robot.posture("standing")
+    task = PostureTask(robot, start, weight=1.0, gain=0.2)
     controller = KinematicController(
         robot, [task], limits=Limits(robot, velocity=None), dt=dt, solver="active_set"
     )
     gap, off = 0.0, 0.0
-    for k in range(ticks):
-        wanted = q.copy()
-        wanted[7:] = four_bar.joints(0.8 * np.sin(1.3 * k * dt))
-        task.set_target(wanted)
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, dt)
+    for k, (_, q) in enumerate(commanded(controller, start, ticks)):
+        task.set_target([*q[:7], *four_bar.joints(0.8 * np.sin(1.3 * (k + 1) * dt))])
         gap = max(gap, *robot.gaps(q).values())
         off = max(off, float(np.abs(q[7:] - four_bar.joints(q[7])).max()))
     return gap, off
@@ -210,10 +202,8 @@ def test_polynomials_are_followed_by_postures_levels_and_the_plant() -> None:
     assert abs(q[7] + 0.7) < 0.01
     torque, plant = TorqueController(robot, [PostureTask(robot, q)]), Plant(robot)
     plant.reset(start)
-    for _ in range(200):
-        tick = torque.step(plant.snapshot())
-        assert tick.ok
-        plant.step(tick.torque)
+    for now in simulate(torque, plant, 0.4):
+        assert now.tick.ok
         there = plant.state()[0]
         # MuJoCo leaves the curvature out of what it takes back: at 3 rad/s that is 2e-4.
         assert abs(there[9] - cam(there[7])) < 5e-4

@@ -12,7 +12,7 @@ import pytest
 from tests.standing import commanded
 from wbc import KinematicController, Limits, PositionTask, PostureTask, TorqueController
 from wbc.robot import Robot
-from wbc.simulation import Plant
+from wbc.simulation import Plant, simulate
 
 mujoco: Any = pytest.importorskip("mujoco")
 
@@ -167,10 +167,8 @@ def test_the_foot_is_led_by_both_levels(robot: Robot) -> None:
     assert np.linalg.norm(robot.snapshot(q).position("foot") - goal) < 2e-3  # the posture's pull
     torque, plant = TorqueController(robot, tasks, limits=Limits(robot)), Plant(robot)
     plant.reset(start)
-    for _ in range(600):
-        tick = torque.step(plant.snapshot())
-        assert tick.ok
-        plant.step(tick.torque)
+    for now in simulate(torque, plant, 1.2):
+        assert now.tick.ok
     there = plant.snapshot()
     assert max(robot.gaps(there.q).values()) < 1e-4
     assert np.linalg.norm(there.position("foot") - goal) < 0.02

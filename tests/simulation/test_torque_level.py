@@ -9,7 +9,7 @@ from tests.conftest import random_state
 from tests.simulation.accelerations import acceleration_from_mujoco
 from tests.standing import stack, torque_controller
 from wbc.robot import Robot
-from wbc.simulation import Plant
+from wbc.simulation import Plant, simulate
 
 
 @pytest.mark.parametrize("mode", ["double", "right", "floating"])
@@ -53,11 +53,9 @@ def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
     plant.reset(robot.posture("standing"))
     start = plant.snapshot()
     controller = torque_controller(start, limits=wbc.Limits(robot))
-    for _ in range(250):
-        tick = controller.step(plant.snapshot())
-        assert tick.policy is None, tick.report()
-        plant.step(tick.torque)
-    here = plant.snapshot()
+    for now in simulate(controller, plant, 0.5):
+        assert now.tick.policy is None, now.tick.report()
+    here, tick = plant.snapshot(), now.tick
     assert np.linalg.norm(here.com - start.com) < 1e-3
     for foot in robot.feet.values():
         assert np.linalg.norm(here.position(foot.frame) - start.position(foot.frame)) < 5e-4
