@@ -4,12 +4,14 @@ The shank is the base, 0.3 m above the ankle. The foot turns by pitch about y, t
 Each motor turns a crank about y; a rod on a universal joint at its tip ends in a ball on the foot.
 """
 
+from collections.abc import Iterable
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.urdf import joint, limit, link
+from tests.urdf import robot as urdf_of
 from wbc.robot import Robot
 
 CRANK, ROD, GRAVITY, UP = 0.04, 0.25, 9.81, 0.3
@@ -80,63 +82,45 @@ def static_torques(pitch: float, roll: float) -> np.ndarray:
     return np.linalg.solve(crank_slopes(pitch, roll).T, slopes(energy, pitch, roll))
 
 
-def _link(name: str, mass: float, com: np.ndarray, size: float = 1e-4) -> str:
-    x, y, z = com
-    moments = " ".join(f'i{axis}{axis}="{size}"' for axis in "xyz")
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/>'
-        f'<inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial></link>'
+def fixed(name: str, parent: str, at: Iterable[float]) -> str:
+    return f'<link name="{name}"/>' + joint(
+        f"{name}_joint", parent, name, kind="fixed", at=words(at), limit=""
     )
 
 
-def _joint(name: str, parent: str, child: str, at: np.ndarray, axis: str) -> str:
-    x, y, z = at
-    return (
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/>'
-        '<limit lower="-1.2" upper="1.2" velocity="9" effort="60"/></joint>'
-    )
+def words(at: Iterable[float]) -> str:
+    return " ".join(map(str, at))
 
 
-def _fixed(name: str, parent: str, at: np.ndarray) -> str:
-    x, y, z = at
-    return (
-        f'<link name="{name}"/><joint name="{name}_joint" type="fixed"><parent link="{parent}"/>'
-        f'<child link="{name}"/><origin xyz="{x} {y} {z}"/></joint>'
-    )
-
-
-def urdf(folder: Path) -> Path:
-    ankle = np.array([0.0, 0.0, -UP])
+def urdf() -> str:
+    ankle, ends = words((0.0, 0.0, -UP)), limit(1.2, 60, 9)
     parts = [
-        _link("shank", 3.0, np.array([0.0, 0.0, -0.1]), 0.02),
-        _link("cross", 0.0, np.zeros(3), 0.0),
-        _joint("pitch", "shank", "cross", ankle, "0 1 0"),
-        _link("foot", MASS["foot"], FOOT_COM, 2e-3),
-        _joint("roll", "cross", "foot", np.zeros(3), "1 0 0"),
+        link("shank", mass=3.0, moment=0.02, at="0 0 -0.1"),
+        link("cross", mass=0.0, moment=0.0),
+        joint("pitch", "shank", "cross", at=ankle, limit=ends),
+        link("foot", mass=MASS["foot"], moment=2e-3, at=words(FOOT_COM)),
+        joint("roll", "cross", "foot", axis="1 0 0", limit=ends),
     ]
     for side in SIDES:
-        tip = np.array([-CRANK, 0.0, 0.0])
+        crank, cross, rod = f"{side}_crank", f"{side}_cross", f"{side}_rod"
+        motor = words(pivot(side) - (0.0, 0.0, UP))
         parts += [
-            _link(f"{side}_crank", MASS["crank"], 0.5 * tip),
-            _joint(f"{side}_motor", "shank", f"{side}_crank", ankle + pivot(side), "0 1 0"),
-            _link(f"{side}_cross", 0.0, np.zeros(3), 0.0),
-            _joint(f"{side}_rod_y", f"{side}_crank", f"{side}_cross", tip, "0 1 0"),
-            _link(f"{side}_rod", MASS["rod"], np.array([0.0, 0.0, -0.5 * ROD]), 8e-4),
-            _joint(f"{side}_rod_x", f"{side}_cross", f"{side}_rod", np.zeros(3), "1 0 0"),
-            _fixed(f"{side}_rod_end", f"{side}_rod", np.array([0.0, 0.0, -ROD])),
-            _fixed(f"{side}_ball", "foot", ball(side)),
+            link(crank, mass=MASS["crank"], moment=1e-4, at=words((-0.5 * CRANK, 0.0, 0.0))),
+            joint(f"{side}_motor", "shank", crank, at=motor, limit=ends),
+            link(cross, mass=0.0, moment=0.0),
+            joint(f"{rod}_y", crank, cross, at=words((-CRANK, 0.0, 0.0)), limit=ends),
+            link(rod, mass=MASS["rod"], moment=8e-4, at=words((0.0, 0.0, -0.5 * ROD))),
+            joint(f"{rod}_x", cross, rod, axis="1 0 0", limit=ends),
+            fixed(f"{rod}_end", rod, (0.0, 0.0, -ROD)),
+            fixed(f"{side}_ball", "foot", ball(side)),
         ]
-    path = folder / "ankle.urdf"
-    path.write_text(f'<robot name="ankle">{"".join(parts)}</robot>')
-    return path
+    return urdf_of("ankle", *parts)
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Robot:
+@pytest.fixture(scope="session")
+def robot() -> Robot:
     loops = {f"{side} rod": (f"{side}_rod_end", f"{side}_ball") for side in SIDES}
-    path, unactuated = urdf(tmp_path), ("pitch", "roll", "*_rod_?")
-    return Robot.load(path, base="fixed", loops=loops, unactuated=unactuated)
+    return Robot.load(urdf(), base="fixed", loops=loops, unactuated=("pitch", "roll", "*_rod_?"))
 
 
 POSES = list(product((-0.3, 0.1, 0.4), (-0.2, 0.15)))

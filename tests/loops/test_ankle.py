@@ -142,7 +142,7 @@ def test_five_seconds_of_torques_do_not_drift(robot: Robot) -> None:
 
 
 def test_loops_in_a_file(tmp_path: Path) -> None:
-    ankle.urdf(tmp_path)
+    (tmp_path / "ankle.urdf").write_text(ankle.urdf())
     path = tmp_path / "task.yaml"
     path.write_text(
         """
