@@ -20,7 +20,7 @@ from time import thread_time
 
 import numpy as np
 import tick as job
-from random_ticks import SUPPORTS, clear_posture, random_tasks
+from random_ticks import DT, EPISODE, SUPPORTS, clear_posture, controller_of
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
@@ -30,8 +30,6 @@ from wbc.robot.collision import CollisionModel
 from wbc.tasks import PositionTask, PostureTask
 
 ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
-DT = 0.005
-EPISODE = 100
 MARGIN = 0.01
 PAIRS = 25
 
@@ -75,16 +73,8 @@ def episode(
 ) -> None:
     """Run one set of random targets from a random posture."""
     q = clear_posture(robot, margins, rng)
-    here = robot.snapshot(q)
-    controller = KinematicController(
-        robot,
-        random_tasks(robot, rng, here),
-        contacts=support(here, mode),
-        limits=limits,
-        constraints=[margins],
-        dt=DT,
-        solver=solver,
-    )
+    parts = {"limits": limits, "constraints": [margins], "solver": solver}
+    controller = controller_of(robot, q, mode, rng, **parts)
     for now in closed_loop(controller, q, EPISODE):
         tick, v = now.tick, now.snapshot.v
         record.ticks += 1

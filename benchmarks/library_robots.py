@@ -20,19 +20,16 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from random_ticks import SUPPORTS, clear_posture, random_tasks
+from random_ticks import EPISODE, SUPPORTS, clear_posture, controller_of
 from raw_shapes import RawShapes
 
-from wbc.constraints import Contact, Limits, SelfCollision, support
-from wbc.controllers import KinematicController
+from wbc.constraints import Contact, Limits, SelfCollision
 from wbc.controllers.closed_loop import closed_loop
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
 from wbc.robot.postures import is_standing
 
-DT = 0.005
-EPISODE = 100
 MARGIN = 0.01
 SIDES = {"left", "right"}
 
@@ -94,15 +91,7 @@ def episode(
 ) -> None:
     """Run one set of random targets from a random posture."""
     q = clear_posture(robot, margins, rng)
-    here = robot.snapshot(q)
-    controller = KinematicController(
-        robot,
-        random_tasks(robot, rng, here),
-        contacts=support(here, mode),
-        limits=Limits(robot),
-        constraints=[margins],
-        dt=DT,
-    )
+    controller = controller_of(robot, q, mode, rng, limits=Limits(robot), constraints=[margins])
     for now in closed_loop(controller, q, EPISODE):
         record.ticks += 1
         record.statuses[now.tick.status.value] += 1

@@ -14,6 +14,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -63,19 +64,20 @@ def random_tasks(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list
     ]
 
 
+def controller_of(
+    robot: Robot, q: np.ndarray, mode: str, rng: np.random.Generator, **parts: Any
+) -> KinematicController:
+    """Return a controller with random tasks about a posture."""
+    here = robot.snapshot(q)
+    tasks, contacts = random_tasks(robot, rng, here), support(here, mode)
+    return KinematicController(robot, tasks, contacts=contacts, dt=DT, **parts)
+
+
 def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, record: Record) -> None:
     """Run one set of random targets from a random posture."""
     q = random_posture(robot, rng, 0.3)
-    here = robot.snapshot(q)
     limits = Limits(robot)
-    controller = KinematicController(
-        robot,
-        random_tasks(robot, rng, here),
-        contacts=support(here, mode),
-        limits=limits,
-        dt=DT,
-        solver=solver,
-    )
+    controller = controller_of(robot, q, mode, rng, limits=limits, solver=solver)
     for now in closed_loop(controller, q, EPISODE):
         tick = now.tick
         record.ticks += 1
