@@ -149,18 +149,9 @@ def times(solver: str, ticks: int) -> None:
     runs = [bare]
     for fit in ("capsule", "hull"):
         for few in (True, False):
-            run = job.make_run(robot, solver, "equality")
             margins = watched(robot, fit, few)
+            run = job.make_run(robot, solver, "equality", constraints=[margins])
             run.label = f"{fit}, {PAIRS} of {len(margins.model.pairs)}"
-            run.controller = KinematicController(
-                robot,
-                run.controller.tasks,
-                contacts=run.controller.contacts,
-                limits=run.controller.limits,
-                constraints=[margins],
-                dt=DT,
-                solver=solver,
-            )
             runs.append(run)
     turn = 10  # ticks: short turns, so that a change of the machine's pace hits all alike
     for _ in range(-(-(job.WARM_UP + ticks) // turn)):

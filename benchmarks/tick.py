@@ -109,7 +109,7 @@ class Run:
         return {name: getattr(self, name) for name in names} | {"slip": max(slips)}
 
 
-def make_run(robot: Robot, solver: str, formulation: str) -> Run:
+def make_run(robot: Robot, solver: str, formulation: str, **parts: Any) -> Run:
     q = robot.posture("standing")
     here = robot.snapshot(q)
     torso = torso_frame(robot)
@@ -128,6 +128,7 @@ def make_run(robot: Robot, solver: str, formulation: str) -> Run:
         dt=DT,
         solver=solver,
         formulation=formulation,
+        **parts,
     )
     return Run(f"{solver} {formulation}", robot, controller, q, np.zeros(robot.nv), start)
 
