@@ -213,12 +213,12 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
     """Return the same with four digits of each number."""
     if isinstance(value, dict):
-        return {name: _rounded(part) for name, part in value.items()}
+        return {name: rounded(part) for name, part in value.items()}
     if isinstance(value, list):
-        return [_rounded(part) for part in value]
+        return [rounded(part) for part in value]
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
@@ -261,7 +261,7 @@ def main() -> None:
             kind = "chosen on" if name in CHOSEN_ON else "turns" if name in TURNS else "others"
             groups[kind].append(row)
         rows |= {kind: means(half) for kind, half in groups.items() if half}
-        text = json.dumps(_rounded(rows), indent=1)
+        text = json.dumps(rounded(rows), indent=1)
         print(text)
         options.output.write_text(text + "\n")
         return
@@ -283,7 +283,7 @@ def main() -> None:
         "halves": fitted_on_one_half(human, series, found),
         "step": step_figures(human, series, found),
     }
-    text = json.dumps(_rounded(answer), indent=1)
+    text = json.dumps(rounded(answer), indent=1)
     print(text)
     if options.output is not None:
         options.output.write_text(text + "\n")

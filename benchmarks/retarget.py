@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from com_bound import com_bound
 from disturbed import DT, plant_of, robot_named
-from human_walk import _rounded as rounded
+from human_walk import rounded
 from qpbench.page import put_section
 from raw_shapes import RawShapes
 from retarget_peer import by_mink
@@ -60,9 +60,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
     past = np.maximum(limits.lower - joints, joints - limits.upper).max()
     able = max_accelerations(robot)
     reached = {one.task: {"rms": one.rms, "largest": one.largest} for one in found.reached}
-    worst: dict[str, float] = {}
-    for one in found.unbalanced:
-        worst[one.what] = max(worst.get(one.what, 0.0), one.by)
+    worst = {one.what: one.by for one in sorted(found.unbalanced, key=lambda one: one.by)}
     return {
         "frames": len(found),
         "rate_hz": found.rate,

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from disturbed import NOISE, mass_of, robot_named
-from human_walk import _rounded as rounded
+from human_walk import rounded
 from qpbench.page import put_section
 
 import wbc
@@ -75,9 +75,7 @@ def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int
         )
         problem.write_text(text)
         reference = MotionReference(standing, slower=slower, lean=lean)
-        worst: dict[str, float] = {}
-        for one in reference.unbalanced:
-            worst[one.what] = max(worst.get(one.what, 0.0), one.by)
+        unbalanced = sorted(reference.unbalanced, key=lambda one: one.by)
         rows = []
         for seed in range(seeds):
             rows.append(rounded(track(problem, seed)))
@@ -88,7 +86,7 @@ def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int
         "seconds": reference.duration,
         "com_moves_mm": 1e3 * float(np.ptp(standing_com(reference), axis=0).max()),
         "led_mm": 1e3 * reference.led,
-        "unbalanced": worst,
+        "unbalanced": {one.what: one.by for one in unbalanced},
         "seeds": rows,
     }
 

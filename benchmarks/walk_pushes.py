@@ -93,7 +93,7 @@ class PushedWalk:
         return True
 
     def push(self, angle: float, impulse: float) -> Array:
-        """Push now, at this angle from ahead to the left [deg, N s]; return the end of the push."""
+        """Push now, at this angle from ahead to the left [deg, N s]; return its direction."""
         a = math.radians(angle)
         way = np.array((math.cos(a), math.sin(a), 0.0))
         self.plant.push(heaviest_link(self.robot), impulse / LASTING * way, duration=LASTING)
