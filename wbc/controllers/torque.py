@@ -164,6 +164,7 @@ class TorqueController(Controller):
         self._ramps = ForceRamps(robot.weight)
         self._wrenches: Mapping[str, Array] = {}
         self._known_forces = np.zeros(robot.nv)
+        self._last_torque: Array | None = None
         super().__init__(
             robot,
             tasks,
@@ -192,6 +193,11 @@ class TorqueController(Controller):
             logging.getLogger(__name__).warning(
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
+
+    @property
+    def last_torque(self) -> Array | None:
+        """(nv - 6,) command of the last tick [N m or N]; None before the first."""
+        return self._last_torque
 
     @cached_property
     def _friction(self) -> DryFriction:
@@ -429,7 +435,7 @@ class TorqueController(Controller):
             torque += self.friction_compensation * missing
         np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
         self.__dict__["_last"] = last = Reaction(self.contact_forces, snapshot, f)
-        known["torque"] = read_only(torque)
+        known["torque"] = self.__dict__["_last_torque"] = read_only(torque)
         known["acceleration"] = read_only(acceleration)
         known["reaction"], known["ramps"] = last, self._ramp_limits
         known["wrenches"] = self._wrenches

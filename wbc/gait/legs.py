@@ -176,6 +176,15 @@ def leg_joints(robot: Robot, side: str) -> list[int]:
     return [joint for joint in chains[side] if joint not in other]
 
 
+def bearing_joints(robot: Robot) -> Array:
+    """Return the indices among the joints' torques (k,) of hips and knees."""
+    joints = list[int]()
+    for side in SIDES:
+        leg = leg_joints(robot, side)
+        joints += leg[: leg.index(knee_of(robot, side)) + 1]
+    return np.array([robot.model.idx_vs[joint] - BASE_NV for joint in joints])
+
+
 def chain_to(robot: Robot, joint: int) -> list[int]:
     """Return Pinocchio's indices of the joints from the base to one, without the base's."""
     return [int(one) for one in robot.model.supports[joint] if one > 1]

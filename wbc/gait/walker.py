@@ -21,6 +21,7 @@ import cmath
 import logging
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.dcm import in_plane
 from wbc.gait.footsteps import SIGN, first_swing, other
-from wbc.gait.legs import Legs
+from wbc.gait.legs import Legs, bearing_joints
 from wbc.gait.pace import Paces
 from wbc.gait.phases import (
     DoubleSupport,
@@ -52,6 +53,7 @@ from wbc.gait.prescribed_steps import WEIGHT_SHIFT, Footstep, Landing
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, sole_half_sizes
 from wbc.gait.settings import GaitSettings
+from wbc.gait.speed_monitor import SpeedMonitor
 from wbc.gait.step_range import StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
@@ -78,6 +80,10 @@ NORMAL_GAIN = 0.2
 PACE_LEAD_STEPS = 2.0
 # A robot farther than this from the walker's nominal start begins where it is [m], [rad].
 START_TOLERANCE = 0.1
+# Torques from this part of their limits on are at them.
+AT_LIMIT = 1.0 - 1e-6
+# A speed that is not sustained is reduced to this part of it, down to SLOW sqrt(g h).
+SPEED_REDUCTION, SLOW = 0.8, 0.03
 # Smallest vertical force that is assumed while the CoM sinks, as a ratio of the weight.
 MIN_WEIGHT_SHARE = 0.5
 # A robot that falls sideways needs half its weight as friction. An inscribed pyramid of four sides
@@ -208,6 +214,9 @@ class Walker:
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
         self._nominal_start: Array | None = now.middle
+        self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
+        self._bearing = bearing_joints(robot)
+        self._bearing_limits = AT_LIMIT * self.controller.torque_bounds[self._bearing]
 
     if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
 
@@ -335,6 +344,7 @@ class Walker:
         self.velocity = self.velocity.towards(wanted, acceleration * dt, YAW_ACCELERATION * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
+        self._judge_strain()
         phase = self._next_phase(snapshot, now, wrenches)
         planner = self._planner
         if isinstance(phase, SingleSupport):
@@ -402,6 +412,41 @@ class Walker:
         place = self._planner.project_onto_support(self.phase, vrp, now)
         pressure = np.array((place.real, place.imag, reference.ground))
         self._whole_body.set_targets(snapshot, pressure, height, self.heading, turn)
+
+    def _judge_strain(self) -> None:
+        """Slow down if hips or knees are at their torque limits for most of the time."""
+        torque, push = self.controller.last_torque, abs(self._push.push)
+        at_limit = torque is not None and bool(
+            (np.abs(torque[self._bearing]) >= self._bearing_limits).any()
+        )
+        self._monitor = self._monitor.update(at_limit, self.velocity.vx, push, self.dt)
+        if self._monitor.is_strained:
+            self._slow_down("hips or knees are at their torque limits most of the time")
+
+    def _judge_step(self, snapshot: Snapshot) -> None:
+        """Slow down if a step was made at another speed than commanded."""
+        com = in_plane(snapshot.com)
+        speed = self._monitor.deviation(com, cmath.rect(1.0, self.heading))
+        self._monitor = self._monitor.land(com)
+        if speed is not None:
+            self._slow_down(f"a step was made at {speed:.2f} m/s")
+
+    def _slow_down(self, why: str) -> None:
+        """Reduce the largest speed forwards to a part of the present one."""
+        speed, gait = abs(self.velocity.vx), self.gait
+        limit = SPEED_REDUCTION * speed
+        on_steps = isinstance(self.phase, SingleSupport) and bool(self.phase.given)
+        if on_steps or self.coming or abs(self.wanted.vx) < speed:
+            return  # footsteps are kept, and it slows down already
+        if limit >= self.limits.forwards or speed < SLOW * gait.gravity / gait.omega:
+            return
+        self._monitor = self._monitor.reduced()
+        reasons = ("what it was seen to sustain", *self.limits.why[1:])
+        self.limits = replace(self.limits, forwards=limit, why=reasons)
+        self.wanted = self.limits.admit(*self.wanted).velocity
+        note = f"{speed:.2f} m/s was not sustained, {why}: at most {limit:.2f} m/s from then on"
+        self.notes = (*self.notes, note)
+        logging.getLogger(__name__).warning("walker: %s", note)
 
     def _count_unadapted(self, phase: SingleSupport) -> None:
         if not (phase.adapted or self.unadapted):
@@ -482,6 +527,7 @@ class Walker:
     def _land(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         foot, start = other(phase.support), now.place(phase.support)
         self.steps += 1
+        self._judge_step(snapshot)
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
         if phase.given:
             self.landings = (*self.landings, Landing.of(phase.given[0], now.pose(foot)))

@@ -1,0 +1,105 @@
+"""Whether a walking robot sustains its speed, and what it does if not."""
+
+import dataclasses
+import math
+
+import pytest
+
+from tests.conftest import load
+from wbc.gait import Velocity, Walker
+from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
+from wbc.gait.speed_monitor import CHANGE_TIME, PUSH_TIME, STRAIN, SpeedMonitor
+from wbc.simulation import Plant, simulate
+
+OMEGA, GRAVITY, DT, STEP = 4.0, 9.81, 0.002, 0.4
+AHEAD = complex(math.cos(0.3), math.sin(0.3))  # heading
+
+
+def steps(share, speeds, actual=None, push=0.0):
+    """Return the monitor and what it says of each step: strained, and the speed if it deviates.
+
+    Motors are at their limits for a ``share`` of each step, at its end.
+    """
+    monitor, com, said = SpeedMonitor.of(OMEGA, GRAVITY), 1.0 + 2.0j, []
+    ticks = round(STEP / DT)
+    for speed, real in zip(speeds, speeds if actual is None else actual, strict=True):
+        strained = False
+        for k in range(ticks):
+            monitor = monitor.update(k >= (1.0 - share) * ticks, speed, push, DT)
+            strained |= monitor.is_strained
+        com += real * STEP * AHEAD
+        said.append((strained, monitor.deviation(com, AHEAD)))
+        monitor = monitor.land(com)
+    return monitor, said
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_a_speed_is_sustained_if_motors_are_at_their_limits_for_a_third_of_each_step(share):
+    _, said = steps(share, [0.3, 0.6, 0.9, *[1.0] * 10])
+    assert set(said) == {(False, None)}
+
+
+def test_it_is_not_if_they_are_for_most_of_it_and_the_time_is_that_of_the_filter():
+    monitor, said = steps(0.8, [1.0] * 6)
+    assert said[-1] == (True, None)
+    # a first-order filter from rest: 1 - exp(-omega t) passes STRAIN at t = ln(2) / omega
+    fresh, time = SpeedMonitor.of(OMEGA, GRAVITY)._replace(unjudged=0.0), 0.0
+    while not fresh.is_strained:
+        fresh, time = fresh.update(True, 1.0, 0.0, DT), time + DT
+    assert time == pytest.approx(-math.log(1.0 - STRAIN) / OMEGA, abs=2.0 * DT)
+    assert not monitor.reduced().is_strained  # a reduction takes time
+
+
+def test_steps_that_are_slower_or_faster_than_commanded_are_told_with_their_speed():
+    for real in (0.7, 1.3):
+        _, said = steps(0.0, [1.0] * 6, [1.0] * 5 + [real])
+        assert said[4] == (False, None) and said[5] == (False, pytest.approx(real))
+
+
+def test_a_step_may_have_the_speed_of_the_one_before_while_the_command_changes():
+    speeds = [0.2, 0.2, 0.2, 0.2, 0.6, 1.0, 1.0]
+    _, said = steps(0.0, speeds, [0.2, *speeds[:-1]])
+    assert set(said) == {(False, None)}
+
+
+def test_at_rest_a_small_sway_is_none():
+    _, said = steps(0.0, [0.0] * 8, [0.05, -0.05] * 4)
+    assert set(said) == {(False, None)}
+
+
+def test_nothing_is_judged_at_the_start_and_after_a_push():
+    pushed = SpeedMonitor.of(OMEGA, GRAVITY)._replace(unjudged=0.0).update(True, 1.0, 1.0, DT)
+    for begin, time in ((pushed, PUSH_TIME), (SpeedMonitor.of(OMEGA, GRAVITY), CHANGE_TIME)):
+        monitor, quiet = begin, 0.0
+        while not monitor.is_strained:
+            assert monitor.deviation(5.0 + 0.0j, 1.0 + 0.0j) is None
+            monitor, quiet = monitor.update(True, 1.0, 0.0, DT), quiet + DT
+        assert quiet == pytest.approx(time / OMEGA, abs=2.0 * DT)
+
+
+def walk(walker, speed, seconds):
+    """Walk in physics; return the last tick and the plant."""
+    plant = Plant(walker.robot, dt=walker.dt)
+    walk = ScheduledWalk(
+        walker, [TimedCommand(0.2, Velocity(speed, 0.0, 0.0))], lambda: plant.felt_forces
+    )
+    *_, last = simulate(walker.controller, plant, seconds, update=walk.update)
+    return last, plant, walk
+
+
+@pytest.mark.slow
+def test_a_robot_of_half_its_torque_slows_down_and_walks_on_where_it_fell():
+    robot, speed, seconds = load("g1"), 1.2, 6.0
+    walker = Walker(robot, torque_limits=0.5)
+    walker._slow_down = lambda why: None
+    now, _, _ = walk(walker, speed, seconds)
+    assert not now.verdict.stood and not walker.notes[1:]
+    walker = Walker(robot, torque_limits=0.5)
+    now, plant, run = walk(walker, speed, seconds)
+    assert now.verdict.stood and float(plant.com[0]) > 3.0
+    assert walker.limits.forwards < speed and walker.wanted.vx == walker.limits.forwards
+    first = walker.notes[1]
+    assert first.startswith("1.20 m/s was not sustained") and first in run.notes
+    assert "sustain" in walker.command(speed).reason
+    walker.limits = dataclasses.replace(walker.limits, forwards=speed)
+    assert not walker.command(speed).reason

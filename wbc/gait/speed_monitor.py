@@ -1,0 +1,106 @@
+"""Whether a robot sustains the speed at which it walks, judged while it walks.
+
+The limits of a command are those of reach, and of speed and torque of the swinging hip
+(:mod:`wbc.gait.command`): upper bounds. A robot may still be too weak for its speed. Then hips or
+knees are at their torque limits for most of a step, or it goes slower or faster than commanded;
+some steps later it falls, unless it slows down.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+# Time constant of the filter that gives the part of the time at torque limits, in units of 1/omega:
+# most of a step. Above STRAIN the speed is not sustained: humanoids that walk at their limit stay
+# below 0.45, those that fall are above it for two steps and more before.
+FILTER_TIME, STRAIN = 1.0, 0.5
+# The mean speed over a step may differ from those commanded in it and in the step before by this
+# part, and by this part of sqrt(g h).
+DEVIATION, SMALL_DEVIATION = 0.2, 0.05
+# Larger observed accelerations are pushes [g]. For PUSH_TIME after one, and for CHANGE_TIME after
+# the start and each reduction, nothing is judged [1/omega].
+PUSH, PUSH_TIME, CHANGE_TIME = 0.06, 6.0, 3.0
+
+
+class SpeedMonitor(NamedTuple):
+    """Judges the forward speed from the motors' torques, and from landing to landing.
+
+    Attributes
+    ----------
+    omega, gravity:
+        Of the pendulum [1/s], and g [m/s^2].
+    unjudged:
+        For how long nothing is judged yet [s].
+    strain:
+        Part of the time in which hips or knees are at torque limits, filtered.
+    start, duration, commanded:
+        CoM at the last landing as x + i y, or None before the first [m]; time since then [s], and
+        distance commanded in it [m].
+    before:
+        Mean speed commanded in the step before [m/s].
+    """
+
+    omega: float
+    gravity: float
+    unjudged: float
+    strain: float = 0.0
+    start: complex | None = None
+    duration: float = 0.0
+    commanded: float = 0.0
+    before: float = 0.0
+
+    @classmethod
+    def of(cls, omega: float, gravity: float) -> Self:
+        """Return the monitor of a robot that begins to walk."""
+        return cls(omega, gravity, CHANGE_TIME / omega)
+
+    def update(self, at_limit: bool, speed: float, push: float, dt: float) -> Self:
+        """Return the monitor ``dt`` later.
+
+        Parameters
+        ----------
+        at_limit:
+            Whether a hip or knee is at its torque limit.
+        speed:
+            Commanded [m/s].
+        push:
+            Observed acceleration by external forces [m/s^2].
+        """
+        quiet = PUSH_TIME / self.omega if push > PUSH * self.gravity else self.unjudged - dt
+        return self._replace(
+            unjudged=max(quiet, 0.0),
+            strain=self.strain + dt * self.omega / FILTER_TIME * (at_limit - self.strain),
+            duration=self.duration + dt,
+            commanded=self.commanded + dt * speed,
+        )
+
+    def land(self, com: complex) -> Self:
+        """Return the monitor of the next step."""
+        mean = self.commanded / self.duration
+        return self._replace(start=com, duration=0.0, commanded=0.0, before=mean)
+
+    def reduced(self) -> Self:
+        """Return the monitor after a reduction of the speed."""
+        return self._replace(unjudged=CHANGE_TIME / self.omega)
+
+    @property
+    def is_strained(self) -> bool:
+        """Whether hips or knees are at their torque limits for too long."""
+        return self.strain > STRAIN and not self.unjudged
+
+    def deviation(self, com: complex, ahead: complex) -> float | None:
+        """Return the speed of the step that ends [m/s] if it is not the commanded one, or None.
+
+        Parameters
+        ----------
+        com, ahead:
+            CoM at the landing [m], and unit vector of the heading, as x + i y.
+        """
+        if self.start is None or self.unjudged:
+            return None
+        speed = ((com - self.start) * ahead.conjugate()).real / self.duration
+        least, most = sorted((self.before, self.commanded / self.duration))
+        small = SMALL_DEVIATION * self.gravity / self.omega
+        least -= max(DEVIATION * abs(least), small)
+        most += max(DEVIATION * abs(most), small)
+        return None if least <= speed <= most else speed
