@@ -183,8 +183,8 @@ def test_an_ellipsoid_checks_its_own_numbers() -> None:
     assert not good.semi_axes.flags.writeable and not good.axes.flags.writeable
     for semi_axes, axes, mass, message in (
         ([1.0, 1.0, -1.0], np.eye(3), 1.0, "negative"),
-        ([1.0, 1.0, 1.0], np.diag([1.0, 1.0, -1.0]), 1.0, "left-handed"),
-        ([1.0, 1.0, 1.0], 2 * np.eye(3), 1.0, "off by 3"),
+        ([1.0, 1.0, 1.0], np.diag([1.0, 1.0, -1.0]), 1.0, "not a rotation"),
+        ([1.0, 1.0, 1.0], 2 * np.eye(3), 1.0, "not a rotation"),
         ([1.0, 1.0, 1.0], np.eye(3), 0.0, "mass"),
     ):
         with pytest.raises(InvalidInputError, match=message):

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.ellipsoid import ROUNDING, equimomental
+from wbc.rotations import check_rotation
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 Bools = NDArray[np.bool_]
@@ -127,8 +128,7 @@ def turning_rate(inertia: Array, inertia_rate: Array, axes: Array) -> Array:
 def checked_rotation(value: ArrayLike) -> Array:
     """Return axes (3, 3) as a fresh array; InvalidInputError if they are not a rotation."""
     R = finite_array("axes", value, (3, 3))
-    if np.abs(R.T @ R - np.eye(3)).max() > ROUNDING or np.linalg.det(R) < 0.0:
-        raise InvalidInputError("axes: must be the columns of a rotation matrix")
+    check_rotation("axes", R)
     return R
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.rotations import check_rotation
 from wbc.validate import Array, check_fields, finite_array, finite_number, read_only, set_fields
 
 # How far numbers may be off from a physical inertia, as a fraction of its largest entry or moment:
@@ -42,12 +43,7 @@ class Ellipsoid:
         axes = finite_array("ellipsoid: axes", self.axes, (3, 3))
         if semi_axes.min() < 0.0:
             raise InvalidInputError(f"ellipsoid: semi_axes must not be negative, got {semi_axes}")
-        skewness = np.abs(axes.T @ axes - np.eye(3)).max()
-        if skewness > ROUNDING or np.linalg.det(axes) < 0.0:
-            raise InvalidInputError(
-                "ellipsoid: axes must be the columns of a rotation matrix; these are"
-                + (f" off by {skewness:.2g}" if skewness > ROUNDING else " left-handed")
-            )
+        check_rotation("ellipsoid: axes", axes)
         check_fields(self, "ellipsoid: ", "mass", above=0.0)
         set_fields(self, semi_axes=read_only(semi_axes), axes=read_only(axes))
 

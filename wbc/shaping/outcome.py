@@ -16,29 +16,13 @@ class NoPostureError(WbcError):
 
 @dataclass(frozen=True, eq=False)
 class ConstraintMargins:
-    """How well a posture meets the constraints, computed with Pinocchio.
+    """How well a posture meets the constraints, computed with Pinocchio; None: there are none."""
 
-    Attributes
-    ----------
-    contact:
-        Largest distance of a held frame from its anchor [m or rad]; 0 without contacts.
-    limit:
-        Smallest distance to a joint limit, margin included [rad or m]; negative outside.
-    support:
-        Distance of the CoM inside the support polygon, margin included [m]; None without that
-        constraint.
-    clearance:
-        Least clearance beyond the required margin, of bodies, obstacles and boxes [m]; None without
-        such constraints.
-    broken:
-        Descriptions of the violated constraints; empty if all are met.
-    """
-
-    contact: float
-    limit: float
-    support: float | None
-    clearance: float | None
-    broken: tuple[str, ...]
+    contact: float  # largest distance of a held frame from its anchor [m or rad]
+    limit: float  # smallest distance to a joint limit, margin included [rad or m]; < 0: outside
+    support: float | None  # distance of the CoM inside the support polygon, margin included [m]
+    clearance: float | None  # least clearance of bodies, obstacles and boxes beyond the margin [m]
+    broken: tuple[str, ...]  # descriptions of the violated constraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,22 +57,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A start whose search found no usable posture.
+    """A start whose search found no usable posture."""
 
-    Attributes
-    ----------
-    start:
-        Its number; None for a sample from which no search was made.
-    reason:
-        Why, in words.
-    kind:
-        The reason without numbers, the same for all rejections of a kind, so that they can be
-        counted.
-    """
-
-    start: int | None
+    start: int | None  # its number; None for a sample from which no search was made
     reason: str
-    kind: str
+    kind: str  # the reason without numbers, so that rejections of a kind can be counted
 
 
 class Stopped(StrEnum):
@@ -102,29 +75,15 @@ class Stopped(StrEnum):
 
 @dataclass(frozen=True)
 class ShapingStatistics:
-    """Counts and times of a search.
+    """Counts and times of a search."""
 
-    Attributes
-    ----------
-    drawn, searched:
-        Samples drawn, and starts searched from.
-    iterations:
-        Iterations of IPOPT in total.
-    build_seconds, search_seconds:
-        Wall time of building the nonlinear program and the starts, and of the searches.
-    workers:
-        Processes that searched.
-    stopped:
-        Why the search ended before all starts were tried, or None.
-    """
-
-    drawn: int
-    searched: int
-    iterations: int
-    build_seconds: float
+    drawn: int  # samples
+    searched: int  # starts
+    iterations: int  # of IPOPT, in total
+    build_seconds: float  # wall time of building the nonlinear program and the starts
     search_seconds: float
-    workers: int
-    stopped: Stopped | None
+    workers: int  # processes that searched
+    stopped: Stopped | None  # why the search ended before all starts were tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,21 +126,11 @@ class ShapingOutcome:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A controller's attempt to reach a candidate.
+    """A controller's attempt to reach a candidate."""
 
-    Attributes
-    ----------
-    candidate:
-        Its index in the outcome.
-    cost:
-        The cost at the end of the motion.
-    reason:
-        Why it does not count as reached, or ``"arrived"``.
-    """
-
-    candidate: int
-    cost: float
-    reason: str
+    candidate: int  # its index in the outcome
+    cost: float  # at the end of the motion
+    reason: str  # why it does not count as reached, or "arrived"
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,13 +96,10 @@ def check_parts(
             f"global shaping: tasks have priorities {levels}; it weighs tasks against each other"
             " within one level. Give all tasks the same priority"
         )
-    return tuple(_measurable(constraint) for constraint in constraints)
-
-
-def _measurable(constraint: Constraint) -> Margin:
-    if not isinstance(constraint, Margin):
+    margins = tuple(one for one in constraints if isinstance(one, Margin))
+    for one in (other for other in constraints if not isinstance(other, Margin)):
         raise InvalidInputError(
-            f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__},"
-            " which has no margin to measure; leave it to the controller that moves there"
+            f"global shaping: constraint {one.name!r} is a {type(one).__name__}, which has no"
+            " margin to measure; leave it to the controller that moves there"
         )
-    return constraint
+    return margins
