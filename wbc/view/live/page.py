@@ -21,7 +21,7 @@ from wbc.view.live.controls import Controls, PushControls
 from wbc.view.live.grip import Grip
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
-from wbc.view.live.layers.layer import WORLD, Layer
+from wbc.view.live.layers.layer import WORLD, Context, Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
 from wbc.view.live.layers.pushes import PullLayer, PushLayer
@@ -39,6 +39,10 @@ NICE = 10  # lower priority than the control loop
 SHARE = 0.2  # of a processor: limit on drawing; slow drawing means fewer frames
 PERIOD = 1.0 / 40.0  # s between checks for messages
 PANEL_PERIOD = 0.15  # s between updates of the numbers: faster ones cannot be read
+LAYERS: tuple[type[Layer], ...] = (  # of every robot, in the order of the page
+    *(GroundLayer, SupportLayer, ComLayer, LegLayer),
+    *(EllipsoidLayer, MassesLayer, MomentumLayer, ForcesLayer),
+)
 ROBOT_OPACITY = 0.55  # opacity of the robot once there are contact forces to see
 AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
 
@@ -88,27 +92,16 @@ class Page:
         scene, gui = self.server.scene, self.server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         self._world = scene.add_frame(WORLD, show_axes=False)
-        robot = RobotLayer(scene, size, self._robot, shapes)
-        self._margins = MarginsLayer(scene, size, self._robot)
-        self._layers: list[Layer] = [
-            robot,
-            GroundLayer(scene, size, self._terrain),
-            SupportLayer(scene, size, self._robot),
-            ComLayer(scene, size, self._terrain),
-            LegLayer(scene, size, self._terrain),
-            EllipsoidLayer(scene, size),
-            MassesLayer(scene, size),
-            MomentumLayer(scene, size),
-            ForcesLayer(scene, size, self._robot),
-            self._margins,
-            ObstaclesLayer(scene, size),
-            TargetsLayer(scene, size),
-        ]
+        context = Context(scene, size, self._robot, self._terrain)
+        robot = RobotLayer(context, shapes)
+        self._layers: list[Layer] = [robot, *(kind(context) for kind in LAYERS)]
+        self._margins = MarginsLayer(context)
+        self._layers += [self._margins, ObstaclesLayer(context), TargetsLayer(context)]
         if setup.beside is not None:
-            other = RobotShapes(setup.beside)
-            self._layers.append(BesideLayer(scene, size, setup.beside, other))
+            other = context._replace(robot=setup.beside)
+            self._layers.append(BesideLayer(other, RobotShapes(setup.beside)))
         if setup.steer:
-            self._layers.append(HandlesLayer(scene, size, self.send))
+            self._layers.append(HandlesLayer(context, self.send))
         tabs = gui.add_tab_group()
         self._grip: Grip | None = None
         with tabs.add_tab("Run"):
@@ -116,10 +109,8 @@ class Page:
             self._following = Following(gui, size, self._terrain, self._draw_again)
             if setup.push:
                 pushes = PushControls(gui, self.send, setup.push)
-                self._layers += [
-                    PushLayer(scene, size, lambda: pushes.impulse, setup.push),
-                    PullLayer(scene, size, self._robot),
-                ]
+                push = PushLayer(context, lambda: pushes.impulse, setup.push)
+                self._layers += [push, PullLayer(context)]
                 self._grip = Grip(size, self._robot, robot.links, self.send)
             self._panel = LivePanel(gui, shapes.note)
         self._sliders: Sliders | None = None
@@ -132,7 +123,7 @@ class Page:
                 self._add_checkbox(layer)
 
     def _add_checkbox(self, layer: Layer) -> None:
-        box = self.server.gui.add_checkbox(layer.label, layer.begins_visible)
+        box = self.server.gui.add_checkbox(layer.label, True)
 
         def toggle(_: object) -> None:
             layer.root.visible = box.value

@@ -9,6 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import NamedTuple
 
@@ -33,16 +34,10 @@ CLOSING = 2.0  # s to wait for the threads
 class Update(NamedTuple):
     """The loop's latest data for the sender thread: references only."""
 
-    time: float
-    snapshot: Snapshot
+    frame: Frame  # without what the sender reads from the rest
     tick: Tick | None
     controller: Controller | None
     seconds: float | None
-    phase: str
-    remark: str
-    playing: bool
-    push: Array | None
-    pull: PullForce | None
 
 
 class Viewer:
@@ -199,13 +194,9 @@ class Viewer:
             The user's pull.
         """
         self.steer()
-        if time is None:
-            time = self._since_first()
-        self._news.append(
-            Update(
-                time, snapshot, tick, self.controller, seconds, phase, remark, playing, push, pull
-            )
-        )
+        at, q, v = self._since_first() if time is None else time, snapshot.q, snapshot.v
+        frame = Frame(at, q, v, phase=phase, remark=remark, playing=playing, push=push, pull=pull)
+        self._news.append(Update(frame, tick, self.controller, seconds))
         self._put += 1
 
     def steer(self) -> None:
@@ -279,7 +270,7 @@ class Viewer:
 
     def _send(self) -> None:
         """Send the latest update, at most every :data:`PERIOD`."""
-        known: tuple[object, ...] = ()
+        known: tuple[object, ...] = (None, None, None)
         while not self._closed.wait(PERIOD):
             news = self._news.popleft() if self._news else None
             self._taken += news is not None
@@ -292,9 +283,7 @@ class Viewer:
                 controller = news.controller
                 if controller is not None:
                     parts = (controller, controller.contacts, controller.constraints)
-                    if len(known) != len(parts) or any(
-                        a is not b for a, b in zip(known, parts, strict=True)
-                    ):
+                    if any(a is not b for a, b in zip(known, parts, strict=True)):
                         self._page.send(controller_info(controller))
                         known = parts
                 self._page.send(self._frame(news))
@@ -303,18 +292,12 @@ class Viewer:
 
     def _frame(self, news: Update) -> Frame:
         controller = news.controller
-        return Frame(
-            time=news.time,
-            q=news.snapshot.q,
-            v=news.snapshot.v,
+        return replace(
+            news.frame,
             told=None if news.tick is None else tick_info(news.tick, news.seconds),
             targets={} if controller is None else targets_of(controller),
             obstacles={} if controller is None else obstacles_of(controller),
-            phase=news.phase,
-            remark=self.steering.refusal or news.remark,
-            playing=news.playing,
-            push=news.push,
-            pull=news.pull,
+            remark=self.steering.refusal or news.frame.remark,
         )
 
     def _listen(self) -> None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from viser import SceneApi
 
 from wbc.constraints.friction import FrictionCone
-from wbc.robot import Robot
 from wbc.robot.geometry import cone
 from wbc.validate import Array
-from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Layer, wxyz
+from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Context, Layer, wxyz
 from wbc.view.live.messages import ControllerInfo
 from wbc.view.live.shown_frame import ShownFrame
 
@@ -27,9 +25,8 @@ class ForcesLayer(Layer):
 
     label = "Contact forces"
 
-    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
-        super().__init__(scene, size)
-        self._weight = robot.weight
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._arrows = self.arrows("arrows", GREEN, shaft=0.007, head=0.018, length=0.04)
         self._cones = dict[str, Any]()
         self._friction = dict[str, FrictionCone]()
@@ -63,7 +60,7 @@ class ForcesLayer(Layer):
         acting = [
             (name, *one)
             for name, one in zip(shown.forces, shown.wrenches, strict=True)
-            if np.linalg.norm(one[1][:3]) > LEAST * self._weight
+            if np.linalg.norm(one[1][:3]) > LEAST * self.robot.weight
         ]
         for frame, node in self._cones.items():
             node.visible = any(name == frame for name, *_ in acting)
@@ -71,14 +68,15 @@ class ForcesLayer(Layer):
         self._arrows.visible = bool(acting or known)
         if not self._arrows.visible:
             return
+        scale = REACH * self.size / self.robot.weight
         starts = [place for place, _ in known]
-        ends = [place + REACH * self.size / self._weight * wrench[:3] for place, wrench in known]
+        ends = [place + scale * wrench[:3] for place, wrench in known]
         colours = [BLUE] * len(known)
         for name, place, wrench in acting:
             rotation = shown.snapshot.rotation(name)
             start = point_of_action(place, wrench, rotation)
             starts.append(start)
-            ends.append(start + REACH * self.size / self._weight * wrench[:3])
+            ends.append(start + scale * wrench[:3])
             colours.append(VERMILION if self._at_edge(name, rotation.T @ wrench[:3]) else GREEN)
             if name in self._cones:
                 node = self._cones[name]

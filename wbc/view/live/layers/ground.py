@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from viser import SceneApi
 
-from wbc.robot import Robot
 from wbc.rotations import rotation_from
-from wbc.simulation.terrain import Terrain
 from wbc.view import palette
-from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, closed
+from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Context, Layer, along, closed
 from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.solids import board_surfaces
 
@@ -25,27 +22,27 @@ class GroundLayer(Layer):
 
     label = "Ground"
 
-    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
-        super().__init__(scene, size)
-        cell = 0.1 if size > 0.8 else 0.05
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        cell = 0.1 if self.size > 0.8 else 0.05
         self._section = 5.0 * cell
-        self._grid = scene.add_grid(
+        self._grid = self.scene.add_grid(
             f"{self.path}/grid",
-            width=8.0 * size,
-            height=8.0 * size,
+            width=8.0 * self.size,
+            height=8.0 * self.size,
             cell_size=cell,
             section_size=self._section,
             cell_color=(222, 226, 230),
             section_color=(190, 196, 202),
-            fade_distance=6.0 * size,
+            fade_distance=6.0 * self.size,
             shadow_opacity=0.25,
             plane_color=(246, 247, 249),
             plane_opacity=1.0,
-            wxyz=along(terrain.normal),
+            wxyz=along(self.terrain.normal),
         )
         self._axes = rotation_from(np.roll(self._grid.wxyz, -1))
-        for number, surface in enumerate(board_surfaces(terrain)):
-            scene.add_mesh_simple(
+        for number, surface in enumerate(board_surfaces(self.terrain)):
+            self.scene.add_mesh_simple(
                 f"{self.path}/board {number}",
                 surface.vertices,
                 surface.faces,
@@ -65,11 +62,9 @@ class SupportLayer(Layer):
 
     label = "Soles and support"
 
-    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
-        super().__init__(scene, size)
-        self._soles = {
-            foot.name: self.lines(foot.name, GREY, thickness=0.004) for foot in robot.feet.values()
-        }
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._soles = {name: self.lines(name, GREY, thickness=0.004) for name in self.robot.feet}
         self._polygon = self.lines("polygon", SKY, thickness=0.006)
 
     def show(self, shown: ShownFrame) -> None:
@@ -93,18 +88,18 @@ class ComLayer(Layer):
 
     label = "CoM"
 
-    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
-        super().__init__(scene, size)
-        self._ball = scene.add_icosphere(
-            f"{self.path}/com", 0.016 * size, BLACK, cast_shadow=False, receive_shadow=False
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._ball = self.scene.add_icosphere(
+            f"{self.path}/com", 0.016 * self.size, BLACK, cast_shadow=False, receive_shadow=False
         )
-        self._foot = scene.add_cylinder(
+        self._foot = self.scene.add_cylinder(
             f"{self.path}/projection",
-            0.012 * size,
+            0.012 * self.size,
             0.002,
             BLACK,
             cast_shadow=False,
-            wxyz=along(terrain.normal),
+            wxyz=along(self.terrain.normal),
         )
         self._plumb = self.lines("plumb", GREY, thickness=0.002)
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from viser import SceneApi
 
+from wbc.robot import Robot
 from wbc.robot.collision import Capsule, Shape
 from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import rounded_cylinder
 from wbc.rotations import quaternion_from, rotation_from
+from wbc.simulation.terrain import Terrain
 from wbc.validate import Array
 from wbc.view import palette
 from wbc.view.live.messages import ControllerInfo
@@ -32,6 +34,15 @@ PLANE = 2.0  # m: side of the square that is drawn for a half-space
 Z = np.array([0.0, 0.0, 1.0])
 
 
+class Context(NamedTuple):
+    """What all layers have to do with."""
+
+    scene: SceneApi  # to draw in
+    size: float  # of the robot [m]
+    robot: Robot
+    terrain: Terrain
+
+
 class Layer(ABC):
     """A part of the scene below one node, which can be hidden.
 
@@ -39,17 +50,14 @@ class Layer(ABC):
     ----------
     label:
         Its name on the page.
-    begins_visible:
-        Whether it is visible at first.
     """
 
     label: str
-    begins_visible = True
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        self.scene, self.size = scene, size
+    def __init__(self, context: Context) -> None:
+        self.scene, self.size, self.robot, self.terrain = context
         self.path = f"{WORLD}/" + self.label.lower().replace(" ", "_")
-        self.root = scene.add_frame(self.path, show_axes=False, visible=self.begins_visible)
+        self.root = self.scene.add_frame(self.path, show_axes=False)
 
     def cast(self, cast: ControllerInfo) -> None:  # noqa: B027 - most layers do not care
         """Adapt to another controller, or to other contacts."""

@@ -5,12 +5,20 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from viser import SceneApi
 
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, HalfSpace
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, surface_of, wxyz
+from wbc.view.live.layers.layer import (
+    GREEN,
+    ORANGE,
+    SKY,
+    VERMILION,
+    Context,
+    Layer,
+    surface_of,
+    wxyz,
+)
 from wbc.view.live.messages import ControllerInfo, PairsInfo
 from wbc.view.live.shown_frame import ShownFrame
 
@@ -75,16 +83,15 @@ class MarginsLayer(Layer):
 
     label = "Nearest pairs"
 
-    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
-        super().__init__(scene, size)
-        self._robot = robot
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._watched: list[Watched] = []
         self.nearest: list[Pair] = []
         self._lines = self.lines("lines", GREEN, thickness=0.008, visible=False)
 
     def cast(self, cast: ControllerInfo) -> None:
         """Set the pairs of the controller's collision constraints."""
-        self._watched = [Watched(self._robot, info) for info in cast.pairs]
+        self._watched = [Watched(self.robot, info) for info in cast.pairs]
         self.nearest = []
 
     def show(self, shown: ShownFrame) -> None:
@@ -104,8 +111,8 @@ class ObstaclesLayer(Layer):
 
     label = "Obstacles"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._nodes = dict[str, Any]()
 
     def cast(self, cast: ControllerInfo) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from viser import SceneApi
 
-from wbc.simulation.terrain import Terrain
 from wbc.validate import Array
 from wbc.view.live.layers.layer import (
     BLACK,
@@ -14,6 +12,7 @@ from wbc.view.live.layers.layer import (
     PRINCIPAL,
     PURPLE,
     SKY,
+    Context,
     Layer,
     along,
     circle,
@@ -38,9 +37,9 @@ class EllipsoidLayer(Layer):
 
     label = "Ellipsoid"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        super().__init__(scene, size)
-        self._ball = scene.add_icosphere(
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._ball = self.scene.add_icosphere(
             f"{self.path}/surface",
             1.0,
             BLUE,
@@ -50,7 +49,7 @@ class EllipsoidLayer(Layer):
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._rings = scene.add_line_segments(
+        self._rings = self.scene.add_line_segments(
             f"{self.path}/sections", sections(), BLUE, thickness=1.5, thickness_units="screen"
         )
 
@@ -68,20 +67,20 @@ class MassesLayer(Layer):
 
     label = "Reaction masses"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._balls = [
-            scene.add_icosphere(
-                f"{self.path}/{k} {sign:+d}", 0.018 * size, colour, cast_shadow=False
+            self.scene.add_icosphere(
+                f"{self.path}/{k} {sign:+d}", 0.018 * self.size, colour, cast_shadow=False
             )
             for k, colour in enumerate(PRINCIPAL)
             for sign in (-1, 1)
         ]
-        self._tracks = scene.add_line_segments(
+        self._tracks = self.scene.add_line_segments(
             f"{self.path}/tracks",
             np.zeros((3, 2, 3)),
             np.repeat(np.array(PRINCIPAL, dtype=np.uint8)[:, None], 2, axis=1),
-            thickness=0.004 * size,
+            thickness=0.004 * self.size,
         )
 
     def show(self, shown: ShownFrame) -> None:
@@ -99,10 +98,11 @@ class LegLayer(Layer):
 
     label = "Leg CoP CMP"
 
-    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        scene, size = self.scene, self.size
         self._leg = self.lines("leg", BLACK, thickness=0.008)
-        level = along(terrain.normal)
+        level = along(self.terrain.normal)
         disc = {"cast_shadow": False, "receive_shadow": False, "wxyz": level}
         self._cop = scene.add_cylinder(f"{self.path}/cop", 0.02 * size, 0.003, ORANGE, **disc)
         self._cmp = scene.add_cylinder(f"{self.path}/cmp", 0.014 * size, 0.004, PURPLE, **disc)
@@ -133,16 +133,9 @@ class MomentumLayer(Layer):
 
     label = "Momentum"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        super().__init__(scene, size)
-        self._arrows = scene.add_arrows(
-            f"{self.path}/arrows",
-            np.zeros((2, 2, 3)),
-            np.array([SKY, PURPLE], dtype=np.uint8),
-            shaft_radius=0.006 * size,
-            head_radius=0.015 * size,
-            head_length=0.035 * size,
-        )
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._arrows = self.arrows("arrows", SKY, shaft=0.006, head=0.015, length=0.035)
 
     def show(self, shown: ShownFrame) -> None:
         """Draw the CoM's way under the linear momentum, and the axis of the angular one."""
@@ -155,3 +148,4 @@ class MomentumLayer(Layer):
         # An arrow of zero length would still have a head: it is hidden inside the CoM's ball.
         ways[~long] = 0.0
         self._arrows.points = np.stack([np.broadcast_to(state.com, (2, 3)), state.com + ways], 1)
+        self._arrows.colors = np.array([SKY, PURPLE], dtype=np.uint8)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from viser import SceneApi
 
-from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view.live.layers.forces import REACH
-from wbc.view.live.layers.layer import GREY, VERMILION, Layer
+from wbc.view.live.layers.layer import GREY, VERMILION, Context, Layer
 from wbc.view.live.messages import PUSH_DURATION
 from wbc.view.live.shown_frame import ShownFrame
 
@@ -32,10 +30,8 @@ class PushLayer(Layer):
 
     label = "Push"
 
-    def __init__(
-        self, scene: SceneApi, size: float, offered: Callable[[], Array], largest: float
-    ) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context, offered: Callable[[], Array], largest: float) -> None:
+        super().__init__(context)
         self._offered, self._largest = offered, largest
         self._arrow = self.arrows("arrow", GREY, shaft=0.009, head=0.024, length=0.05)
 
@@ -59,9 +55,9 @@ class PullLayer(Layer):
 
     label = "Pull"
 
-    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
-        super().__init__(scene, size)
-        self._stiffness = robot.weight / (REACH * size)
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._stiffness = self.robot.weight / (REACH * self.size)
         self._arrow = self.arrows("arrow", VERMILION, shaft=0.009, head=0.024, length=0.05)
 
     def show(self, shown: ShownFrame) -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from viser import SceneApi
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.collision import fitted_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
+from wbc.view.live.layers.layer import GREY, Context, Layer, surface_of, wxyz
 from wbc.view.live.shown_frame import ShownFrame
 
 PALE = 0.92  # largest brightness of a shape: shading would not show on white
@@ -74,17 +73,16 @@ class RobotLayer(Layer):
 
     label = "Robot"
 
-    def __init__(self, scene: SceneApi, size: float, robot: Robot, shapes: RobotShapes) -> None:
-        super().__init__(scene, size)
-        self._robot = robot
+    def __init__(self, context: Context, shapes: RobotShapes) -> None:
+        super().__init__(context)
         self._joints = sorted({joint for joint, _ in shapes.shapes})
         self._nodes = [
-            scene.add_frame(f"{self.path}/{joint}", show_axes=False) for joint in self._joints
+            self.scene.add_frame(f"{self.path}/{joint}", show_axes=False) for joint in self._joints
         ]
         self.links = [
             (
                 mesh.name,
-                scene.add_mesh_simple(
+                self.scene.add_mesh_simple(
                     f"{self.path}/{joint}/{number} {mesh.name}",
                     mesh.vertices,
                     mesh.faces,
@@ -102,7 +100,7 @@ class RobotLayer(Layer):
 
     def place(self, q: Array) -> None:
         """Move the links to a configuration (nq,)."""
-        rotations, origins = self._robot.snapshot(q).joint_placements
+        rotations, origins = self.robot.snapshot(q).joint_placements
         for node, joint in zip(self._nodes, self._joints, strict=True):
             node.wxyz, node.position = wxyz(rotations[joint]), origins[joint]
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from viser import SceneApi
 from viser.transforms import SO3
 
 from wbc.errors import WbcError
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental
 from wbc.spatial import COMPONENTS, vech, vech_inverse
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREEN, Layer, wxyz
+from wbc.view.live.layers.layer import GREEN, Context, Layer, wxyz
 from wbc.view.live.layers.pendulum import THINNEST, sections
 from wbc.view.live.messages import ControllerInfo, SetTarget, TaskInfo
 from wbc.view.live.shown_frame import ShownFrame
@@ -87,8 +86,8 @@ class TargetsLayer(Layer):
 
     label = "Targets"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._places: list[tuple[Place, Any]] = []
         self._shapes: list[tuple[TaskInfo, Any]] = []
         self._axes: list[TaskInfo] = []
@@ -202,8 +201,8 @@ class HandlesLayer(Layer):
 
     label = "Drag targets"
 
-    def __init__(self, scene: SceneApi, size: float, drag: Drag) -> None:
-        super().__init__(scene, size)
+    def __init__(self, context: Context, drag: Drag) -> None:
+        super().__init__(context)
         self._drag = drag
         self._handles: list[tuple[Place, Any]] = []
         self._touched = dict[str, float]()
