@@ -9,7 +9,7 @@ reported as undefined, so that later axes keep their identity.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate, pairwise, permutations, product
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,7 +76,9 @@ def track(
     raw *= np.sign(np.linalg.det(raw))[:, None, None]
     defined = are_distinct(along, gap)
     start = equimomental(I[0], 1.0).axes if previous is None else checked_rotation(previous)
-    axes = _chain(raw, defined, start)
+    axes = np.empty_like(raw)
+    for k in range(len(raw)):
+        axes[k] = start = _follow_frame(raw[k], defined[k], start)
     # Rayleigh quotients: the eigenvalues where axes are defined, and close to them elsewhere.
     about = np.einsum("nik,nij,njk->nk", axes, I, axes)
     second = np.maximum(0.5 * about.sum(axis=1)[:, None] - about, 0.0)
@@ -164,47 +166,13 @@ _SIGNED = (
     np.eye(3)[:, order] * signs
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
 )
-# (24, 3, 3), the identity first.
 _TRIADS = read_only(np.array([way for way in _SIGNED if np.linalg.det(way) > 0.0]))
-# Entry (a, b) is the number of _TRIADS[a] @ _TRIADS[b].
-_PRODUCT = np.einsum("aij,bjk,cik->abc", _TRIADS, _TRIADS, _TRIADS).argmax(axis=2).tolist()
-
-
-def _chain(raw: Array, defined: Bools, start: Array) -> Array:
-    """Return axes (n, 3, 3), each nearest to the one before; ``start`` precedes the first.
-
-    Frames with all axes defined are handled together: the permutation D from one to the next does
-    not depend on that of the former (trace(C' X C) = trace(X)), so permutations just multiply.
-    """
-    clear: Bools = np.asarray(defined.all(axis=1))
-    relative = np.swapaxes(raw[:-1], 1, 2) @ raw[1:]
-    steps = np.einsum("nij,cji->nc", relative, _TRIADS).argmax(axis=1).tolist()
-    axes = np.empty_like(raw)
-    # Runs of clear frames, and single frames in between.
-    breaks = np.flatnonzero(~clear[1:] | ~clear[:-1]) + 1
-    bounds = [0, *breaks.tolist(), len(raw)]
-    before = start
-    for first, end in pairwise(bounds):
-        if not clear[first]:
-            axes[first] = _follow_frame(raw[first], defined[first], before)
-        else:
-            way = _nearest_triad(raw[first], before)
-            run = steps[first : end - 1]
-            ways = list(accumulate(run, lambda way, step: _PRODUCT[step][way], initial=way))
-            axes[first:end] = raw[first:end] @ _TRIADS[ways]
-        before = axes[end - 1]
-    return axes
-
-
-def _nearest_triad(raw: Array, before: Array) -> int:
-    """Return the triad C for which raw @ C is nearest to ``before``: the largest trace."""
-    return int(np.einsum("ij,cji->c", before.T @ raw, _TRIADS).argmax())
 
 
 def _follow_frame(raw: Array, defined: Bools, before: Array) -> Array:
     """Return one frame's axes (3, 3) nearest to ``before``, free to turn in undefined planes."""
-    if defined.all():
-        return raw @ _TRIADS[_nearest_triad(raw, before)]
+    if defined.all():  # the triad C for which raw @ C is nearest: the largest trace
+        return raw @ _TRIADS[np.einsum("ij,cji->c", before.T @ raw, _TRIADS).argmax()]
     if not defined.any():
         return before.copy()
     # One axis is defined. Of all rotations that have it among their columns, the nearest comes

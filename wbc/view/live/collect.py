@@ -12,11 +12,12 @@ from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
 from wbc.controllers.tick import NEGLIGIBLE
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.robot.collision import CollisionModel
+from wbc.robot.collision import Shape
 from wbc.robot.names import COM
 from wbc.run.history import held_joints
 from wbc.validate import Array
 from wbc.view.live.messages import ContactInfo, ControllerInfo, PairsInfo, TaskInfo, TickInfo
+from wbc.view.live.target_controls import target_of
 
 KINDS: Mapping[type[tasks.Task], str] = {
     tasks.ComTask: "com",
@@ -54,30 +55,21 @@ def _task(task: tasks.Task) -> TaskInfo:
 
 
 def _pairs(constraint: object) -> PairsInfo | None:
+    if not isinstance(constraint, SelfCollision | Obstacles):
+        return None
+    model, obstacles = constraint.model, tuple[tuple[str, Shape], ...]()
+    pairs = tuple((a, b) for a, b in model.pairs.tolist())
     if isinstance(constraint, SelfCollision):
-        model = constraint.model
-        return PairsInfo(constraint.name, model.bodies, _listed(model), constraint.margins, ())
-    if isinstance(constraint, Obstacles):
-        model = constraint.model
-        margins = np.full(len(model.pairs), constraint.margin)
-        shapes = tuple((one.name, one.shape) for one in constraint.obstacles)
-        return PairsInfo(constraint.name, model.bodies, _listed(model), margins, shapes)
-    return None
-
-
-def _listed(model: CollisionModel) -> tuple[tuple[int, int], ...]:
-    return tuple((int(a), int(b)) for a, b in model.pairs.tolist())
+        margins = constraint.margins
+    else:
+        margins = np.full(len(pairs), constraint.margin)
+        obstacles = tuple((one.name, one.shape) for one in constraint.obstacles)
+    return PairsInfo(constraint.name, model.bodies, pairs, margins, obstacles)
 
 
 def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
     """Return the targets of the tasks whose kind the page knows, by name."""
-    found = dict[str, tuple[Array, ...]]()
-    for task in controller.tasks:
-        if isinstance(task, tasks.PoseTask):
-            found[task.name] = task.position, task.rotation
-        elif _kind(task) != "other":
-            found[task.name] = (task.target,)
-    return found
+    return {task.name: target_of(task) for task in controller.tasks if _kind(task) != "other"}
 
 
 def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:

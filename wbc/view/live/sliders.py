@@ -23,11 +23,17 @@ PRINCIPAL = ("smallest", "middle", "largest")
 
 
 class Follower(NamedTuple):
-    """A slider, and where it stands by the target of its task."""
+    """A slider for entries of a task's target: they are ``zero + value * slope``."""
 
     slider: Any
-    position: Callable[[Array], float]
     task: str
+    chosen: Array  # indices of the entries
+    zero: Array
+    slope: Array
+
+    def position(self, target: Array) -> float:
+        """Return where the slider stands by a target."""
+        return float((target[self.chosen] - self.zero).sum() / self.slope.sum())
 
 
 class Sliders:
@@ -80,8 +86,7 @@ class Sliders:
             elif task.kind == "com":
                 made.append(self._add_com(task, shown))
         with self._weights_folder:
-            made.append(self._add_weight(task))
-        return made
+            return [*made, self._add_weight(task)]
 
     def show(self, shown: ShownFrame) -> None:
         """Let sliders follow targets that the program moves."""
@@ -89,13 +94,10 @@ class Sliders:
         self._targets = {name: target[0] for name, target in shown.frame.targets.items()}
         for one in self._followers:
             target = self._targets.get(one.task)
-            if (
-                target is None
-                or now - self._touched.get(one.task, -USER_HOLD_TIME) < USER_HOLD_TIME
-            ):
-                continue
-            value = float(np.clip(one.position(target), one.slider.min, one.slider.max))
-            one.slider.value = round(value, 3)
+            held = now - self._touched.get(one.task, -USER_HOLD_TIME) < USER_HOLD_TIME
+            if target is not None and not held:
+                value = float(np.clip(one.position(target), one.slider.min, one.slider.max))
+                one.slider.value = round(value, 3)
 
     # ------------------------------------------------------------------ kinds of sliders
 
@@ -115,19 +117,11 @@ class Sliders:
         folder = self._gui.add_folder(f"Inertia wanted: {task.name}", order=TAB_ORDER)
         with folder:
             for row, chosen in zip(rows, entries, strict=True):
-                self._add_factor(task.name, row, chosen, base)
+                slider = self._gui.add_slider(
+                    f"{row} times", *FACTORS, 0.01, 1.0, hint="Relative to that at the first frame."
+                )
+                self._connect(Follower(slider, task.name, chosen, 0.0 * base[chosen], base[chosen]))
         return folder
-
-    def _add_factor(self, task: str, row: str, chosen: Array, base: Array) -> None:
-        slider = self._gui.add_slider(
-            f"{row} times", *FACTORS, 0.01, 1.0, hint="Relative to that at the first frame."
-        )
-
-        def move(target: Array, factor: float) -> None:
-            target[chosen] = factor * base[chosen]
-
-        whole = float(base[chosen].sum())
-        self._connect(slider, task, move, lambda target: float(target[chosen].sum()) / whole)
 
     def _add_com(self, task: TaskInfo, shown: ShownFrame) -> Any:
         base = self._base.setdefault(task.name, shown.snapshot.com.copy())
@@ -135,19 +129,12 @@ class Sliders:
         folder = self._gui.add_folder(f"CoM wanted: {task.name}", order=TAB_ORDER)
         with folder:
             for row in task.rows:
-                self._add_offset(task.name, row, base, reach)
+                slider = self._gui.add_slider(
+                    f"{row} [mm]", -float(reach), float(reach), 1.0, 0.0, hint="From that at first."
+                )
+                chosen = np.array(["xyz".index(row)])
+                self._connect(Follower(slider, task.name, chosen, base[chosen], np.array([1e-3])))
         return folder
-
-    def _add_offset(self, task: str, row: str, base: Array, reach: int) -> None:
-        axis = "xyz".index(row)
-        slider = self._gui.add_slider(
-            f"{row} [mm]", -float(reach), float(reach), 1.0, 0.0, hint="From that at first."
-        )
-
-        def move(target: Array, offset: float) -> None:
-            target[axis] = base[axis] + 1e-3 * offset
-
-        self._connect(slider, task, move, lambda target: 1e3 * float(target[axis] - base[axis]))
 
     def _add_weight(self, task: TaskInfo) -> Any:
         slider = self._gui.add_slider(
@@ -164,25 +151,19 @@ class Sliders:
 
     # ------------------------------------------------------------------
 
-    def _connect(
-        self,
-        slider: Any,
-        task: str,
-        move: Callable[[Array, float], None],
-        position: Callable[[Array], float],
-    ) -> None:
+    def _connect(self, one: Follower) -> None:
         """Send a task's target when the user moves a slider, which else follows it."""
-        self._followers.append(Follower(slider, position, task))
+        self._followers.append(one)
 
         async def changed(event: Any) -> None:
-            if event.client_id is not None and task in self._targets:
-                self._touched[task] = time.monotonic()
-                wanted = self._targets[task].copy()
-                move(wanted, float(event.target.value))
-                self._targets[task] = wanted
-                self._send(SetTarget(task, (wanted,)))
+            if event.client_id is not None and one.task in self._targets:
+                self._touched[one.task] = time.monotonic()
+                wanted = self._targets[one.task].copy()
+                wanted[one.chosen] = one.zero + float(event.target.value) * one.slope
+                self._targets[one.task] = wanted
+                self._send(SetTarget(one.task, (wanted,)))
 
-        slider.on_update(changed)
+        one.slider.on_update(changed)
 
     def _release(self) -> None:
         self._touched.clear()

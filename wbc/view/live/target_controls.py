@@ -49,17 +49,17 @@ class TargetControls:
     def apply(self, controller: Controller) -> None:
         """Set the user's targets and weights of the controller's tasks."""
         for name, task in self._steered(controller, self._targets):
-            now = _target(task)
+            now = target_of(task)
             before, put = self._before.get(name, (now, ()))
             if not _same(now, put):  # the program has set it since
                 before = now
             try:
-                _set_target(task, self._targets[name])
+                task.set_target(*self._targets[name])
             except WbcError as error:
                 self.refusal = str(error)
                 del self._targets[name]
                 continue
-            self._before[name] = before, _target(task)
+            self._before[name] = before, target_of(task)
         for name, task in self._steered(controller, self._factors):
             before_weight, put_weight = self._weights.get(name, (task.weight, None))
             if task.weight is not put_weight:
@@ -67,9 +67,7 @@ class TargetControls:
             task.weight = np.multiply(self._factors[name], before_weight)
             self._weights[name] = before_weight, task.weight
 
-    def _steered(
-        self, controller: Controller, wanted: dict[str, Any]
-    ) -> Iterator[tuple[str, Task]]:
+    def _steered(self, controller: Controller, wanted: dict[str, Any]) -> Iterator[tuple[str, Any]]:
         if wanted:
             yield from [(task.name, task) for task in controller.tasks if task.name in wanted]
 
@@ -77,8 +75,8 @@ class TargetControls:
         """Restore the earlier target or weight, unless the program has set it since."""
         for name, task in self._steered(controller, self._before):
             before, put = self._before[name]
-            if _same(_target(task), put):
-                _set_target(task, before)
+            if _same(target_of(task), put):
+                task.set_target(*before)
         for name, task in self._steered(controller, self._weights):
             before_weight, put_weight = self._weights[name]
             if task.weight is put_weight:
@@ -87,14 +85,10 @@ class TargetControls:
             kept.clear()
 
 
-def _target(task: Task) -> tuple[Array, ...]:
+def target_of(task: Task) -> tuple[Array, ...]:
     """Return a task's target, as the objects that it holds."""
     return (task.position, task.rotation) if isinstance(task, PoseTask) else (task.target,)
 
 
 def _same(a: tuple[Array, ...], b: tuple[Array, ...]) -> bool:
     return len(a) == len(b) and all(x is y for x, y in zip(a, b, strict=True))
-
-
-def _set_target(task: Any, target: tuple[Array, ...]) -> None:
-    task.set_target(*target)
