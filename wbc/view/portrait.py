@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -183,6 +184,39 @@ def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> N
         texts = [f"a{style.INDEX[k]} {a:.0f}{unit}" for k, a in enumerate(semi_axes)]
         size = min(style.SMALL, NARROWEST * width) if narrow else style.NORMAL
         style.write_below(panel.axes, texts, NARROW if narrow else TEXT_WIDTH / width, size)
+
+
+def sheet_with_portraits(
+    portraits: Sequence[Portrait],
+    panel_width: float,
+    shape: tuple[float, float],
+    *,
+    columns: int,
+    above: tuple[float, float],
+    below: tuple[float, float],
+    title: str | None = None,
+    width: float | None = None,
+    plots: float = 0.0,
+) -> Figure:
+    """Return a figure with portraits in rows, what their marks are, and room for plots [inches].
+
+    ``shape`` is a portrait's height to its width, at least and at most. There is room ``above`` all
+    and each row, and ``below`` each row and the caption.
+    """
+    width = panel_width * columns if width is None else width
+    high = panel_width * float(np.clip(shape_of(portraits), *shape))
+    caption = captions(portraits, width)
+    told, pitch = LINE * len(caption) + below[1], above[1] + high + below[0]
+    total = above[0] + math.ceil(len(portraits) / columns) * pitch + told + plots
+    figure = style.sheet(width, total, title, plots)
+    left, top = 0.5 * (width - columns * panel_width), total - above[0] + below[0]
+    places = [
+        (left + k % columns * panel_width, top - (k // columns + 1) * pitch)
+        for k in range(len(portraits))
+    ]
+    draw_portraits([style.place(figure, *at, panel_width, high) for at in places], portraits)
+    write_caption(figure, caption, plots + told)
+    return figure
 
 
 def draw_pendulum(

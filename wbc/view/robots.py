@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -50,16 +49,10 @@ def robot_figure(
     """
     portraits = portrait.portraits_of(robot, configurations, view)
     count, heading = len(portraits), 0.0 if title is None else ABOVE
-    width = min(PANEL_WIDTH, WIDEST / count)
-    height = width * float(np.clip(portrait.shape_of(portraits), *PANEL_SHAPE))
-    caption = portrait.captions(portraits, width * count)
-    below = BELOW + portrait.LINE * len(caption)
-    total = below + height + ABOVE + heading
-    figure = style.sheet(width * count, total, title)
-    panels = [style.place(figure, width * k, below, width, height) for k in range(count)]
-    portrait.draw_portraits(panels, portraits)
-    portrait.write_caption(figure, caption, portrait.LINE * len(caption))
-    return figure
+    return portrait.sheet_with_portraits(
+        portraits, min(PANEL_WIDTH, WIDEST / count), PANEL_SHAPE, columns=count, title=title,
+        above=(heading, ABOVE), below=(BELOW, 0.0),
+    )  # fmt: skip
 
 
 def plot_robot(

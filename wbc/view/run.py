@@ -23,21 +23,13 @@ from wbc.validate import Array
 from wbc.view import style
 from wbc.view.history import DrawableRun, HistoryLike, PhaseSpan, read_history
 from wbc.view.options import View
-from wbc.view.portrait import (
-    DEFAULT,
-    LINE,
-    captions,
-    draw_portraits,
-    portraits_of,
-    shape_of,
-    write_caption,
-)
+from wbc.view.portrait import DEFAULT, LINE, portraits_of, sheet_with_portraits
 from wbc.view.series import Series, plot_curves, plot_errors, plot_moments, shortened
 
 WIDTH = 9.0  # inches
 PANEL_SHAPE = (0.55, 0.95)  # height to width, at least and at most
-HEADING, BETWEEN, PLOT = 0.65, 0.45, 2.9  # inches, from the top
-BELOW = 0.36  # inches of the semi-axes below a picture
+HEADING, PLOT = 0.65, 2.9  # inches
+BELOW = (0.36, 0.09)  # inches of the semi-axes below a picture, and below the caption
 
 
 def plot_run(
@@ -89,15 +81,12 @@ def run_figure(
         f"after, t = {end:g} s": run.pose(len(run.time) - 1),
     }
     portraits = portraits_of(robot, ends, view)
-    half = 0.5 * WIDTH
-    high = half * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     why = [*explanation_plots(run)]
     rows = 2 if why else 1
-    caption = captions(portraits, WIDTH)
-    below = BETWEEN + LINE * len(caption) + rows * PLOT
-    figure = style.sheet(WIDTH, HEADING + high + below, title, rows * PLOT)
-    draw_portraits([style.place(figure, k * half, below, half, high) for k in range(2)], portraits)
-    write_caption(figure, caption, below - BELOW)
+    figure = sheet_with_portraits(
+        portraits, 0.5 * WIDTH, PANEL_SHAPE, columns=2, title=title, above=(HEADING, 0.0),
+        below=BELOW, plots=rows * PLOT,
+    )  # fmt: skip
     grid = figure.add_gridspec(rows, 2)
     plot_errors(figure.add_subplot(grid[0, 0]), run.time, run.errors)
     plot_moments(figure.add_subplot(grid[0, 1]), run.time, run.moments)
@@ -180,26 +169,15 @@ def _phased_figure(robot: Robot, run: DrawableRun, title: str, view: View) -> Fi
         for k, phase in enumerate(run.phases, start=1)
     }
     portraits = portraits_of(robot, configurations, view)
-    rows = math.ceil(len(portraits) / ROW)
-    columns = math.ceil(len(portraits) / rows)
-    width = PHASED_WIDTH / max(columns, FEWEST)
-    margin = 0.5 * (PHASED_WIDTH - columns * width)
-    high = width * float(np.clip(shape_of(portraits), *PHASED_SHAPE))
+    columns = math.ceil(len(portraits) / math.ceil(len(portraits) / ROW))
     plots = [*_plots(run)]
-    caption = captions(portraits, PHASED_WIDTH)
-    below = NAMES + len(plots) * ROW_OF_PLOTS
-    pitch, told = TITLE + high + BELOW_PANEL, LINE * (len(caption) + 1)
-    total = TOP + rows * pitch + told + below
-    figure = style.sheet(PHASED_WIDTH, total, title, below)
-    panels = []
-    for k in range(len(portraits)):
-        row, column = divmod(k, columns)
-        bottom = total - TOP - (row + 1) * pitch + BELOW_PANEL
-        panels.append(style.place(figure, margin + column * width, bottom, width, high))
-    draw_portraits(panels, portraits)
-    figure.text(0.99, 1.0 - 0.16 / total, "semi-axes in mm", ha="right", va="top",
+    figure = sheet_with_portraits(
+        portraits, PHASED_WIDTH / max(columns, FEWEST), PHASED_SHAPE, columns=columns, title=title,
+        width=PHASED_WIDTH, above=(TOP, TITLE), below=(BELOW_PANEL, LINE),
+        plots=NAMES + len(plots) * ROW_OF_PLOTS,
+    )  # fmt: skip
+    figure.text(0.99, 1.0 - 0.16 / figure.get_figheight(), "semi-axes in mm", ha="right", va="top",
                 fontsize=style.SMALL, color=style.GREY)  # fmt: skip
-    write_caption(figure, caption, below + told)
     _draw_plots(figure.subplots(len(plots), 1, sharex=True), run, plots)
     return figure
 

@@ -64,20 +64,11 @@ def simulation_figure(
         for k, one in zip(moments, acting, strict=True)
     }
     portraits = portrait.portraits_of(robot, names)
-    width = WIDTH / PORTRAITS
-    high = width * float(np.clip(portrait.shape_of(portraits), *PANEL_SHAPE))
     rows = ROWS + ("plan_com" in run)
-    below = rows * PLOT
-    caption = portrait.captions(portraits, WIDTH)
-    room = BELOW_PANEL + portrait.LINE * len(caption)
-    figure = style.sheet(WIDTH, TOP + high + room + below, title, below)
-    margin = 0.5 * (WIDTH - len(portraits) * width)
-    bottom = below + room
-    places = [
-        style.place(figure, margin + k * width, bottom, width, high) for k in range(len(portraits))
-    ]
-    portrait.draw_portraits(places, portraits)
-    portrait.write_caption(figure, caption, below + portrait.LINE * len(caption))
+    figure = portrait.sheet_with_portraits(
+        portraits, WIDTH / PORTRAITS, PANEL_SHAPE, columns=len(portraits), title=title,
+        width=WIDTH, above=(TOP, 0.0), below=(BELOW_PANEL, 0.0), plots=rows * PLOT,
+    )  # fmt: skip
     grid = figure.add_gridspec(rows, 2)
     for k, draw in enumerate(_plots(robot, run)):
         draw(figure.add_subplot(grid[k // 2, k % 2]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -45,15 +44,10 @@ class ShownFrame:
         return self.robot.snapshot(self.frame.q, self.frame.v)
 
     @cached_property
-    def forces(self) -> Mapping[str, Array]:
-        """Wrenches (6,) of the contacts, by frame; empty at the velocity level."""
+    def forces(self) -> list[tuple[str, Array, Array]]:
+        """Frame, place and wrench (6,) of each contact; none at the velocity level."""
         told = {} if self.frame.told is None else self.frame.told.forces
-        return {name: wrench for name, wrench in told.items() if name in self.held}
-
-    @cached_property
-    def wrenches(self) -> list[tuple[Array, Array]]:
-        """The same with the points they act at."""
-        return [(self.snapshot.position(name), wrench) for name, wrench in self.forces.items()]
+        return [(k, self.snapshot.position(k), w) for k, w in told.items() if k in self.held]
 
     @cached_property
     def known_wrenches(self) -> list[tuple[Array, Array]]:
@@ -64,11 +58,10 @@ class ShownFrame:
     @cached_property
     def state(self) -> RmpState:
         """The reaction mass pendulum: of the contact forces if they are known, else at rest."""
-        feet = [foot.name for foot in self.standing] or None
         return reduce(
             self.snapshot,
-            feet=feet,
-            wrenches=self.wrenches or None,
+            feet=[foot.name for foot in self.standing] or None,
+            wrenches=[one[1:] for one in self.forces] or None,
             previous=self._previous,
             ground_height=float(self.on_ground(self.snapshot.com)[2]),
         )

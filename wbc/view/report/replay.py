@@ -63,7 +63,8 @@ def replay_data(run: DrawableRun, rows: Sequence[int]) -> dict[str, Any]:
     return {
         "time": _numbers(run.time[rows]),
         "parts": [
-            {"joint": joint, **_mesh(mesh)} for (joint, _), mesh in zip(shapes, meshes, strict=True)
+            {"joint": joint, "colour": list(mesh.colour), **_surface(mesh)}
+            for (joint, _), mesh in zip(shapes, meshes, strict=True)
         ],
         "joints": int(np.shape(places)[1]),
         "places": _numbers(places),  # (frames, joints, 7): origin, quaternion xyzw
@@ -144,11 +145,7 @@ def _obstacle(run: DrawableRun, name: str) -> Triangles:
     return solid_surface(track.shape, centre, WALL, -float(place[2, 3]))
 
 
-def _mesh(mesh: Mesh) -> dict[str, Any]:
-    return {"colour": list(mesh.colour), **_surface(Triangles(mesh.vertices, mesh.faces))}
-
-
-def _surface(surface: Triangles) -> dict[str, Any]:
+def _surface(surface: Triangles | Mesh) -> dict[str, Any]:
     """Return triangles with corners rounded to 1/65535 of the mesh's extent."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     step = np.maximum(high - low, 1e-9) / STEPS

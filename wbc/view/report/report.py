@@ -30,7 +30,6 @@ from wbc.view.simulation import simulation_plots
 SHOWN = 12  # rows of a table
 WIDTH, HEIGHT, DPI = 6.0, 2.7, 130  # inches of a plot, pixels per inch
 Draw = Callable[[Axes], None]
-Table = tuple[str, Sequence[str], Iterable[Sequence[str]]]  # title, heads, rows
 
 
 def report_format(path: str | Path) -> None:
@@ -155,7 +154,7 @@ def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> st
     texts = {
         "TITLE": html.escape(title),
         "REASON": html.escape(str(summary.get("reason", ""))),
-        "TABLES": "\n".join(_table(*table) for table in _tables(summary)),
+        "TABLES": "\n".join(_tables(summary)),
         "PROBLEM": html.escape(str(problem.get("text", "not known"))),
         "OVERRIDES": html.escape(overrides),
         "STYLE": _part("page.css"),
@@ -171,55 +170,36 @@ def _part(name: str) -> str:
     return files("wbc.view.report").joinpath(name).read_text(encoding="utf-8")
 
 
-def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
-    yield (
-        "Measured",
-        ("what", "value", "unit"),
-        [
-            (name, _number(value), unit_of(name))
-            for name, value in (summary.get("measures") or {}).items()
-        ],
-    )
-    yield ("Simulation", ("what", "value"), [*_simulated(summary.get("simulation") or {})])
-    yield ("Events", ("when", "what"), [tuple(one) for one in summary.get("events") or ()])
-    tasks = summary.get("tasks") or {}
-    yield (
-        "Tasks at the end",
-        ("task", "error", "unit", "tolerance"),
-        [
-            (name, _number(one["norm"]), ", ".join(dict.fromkeys(one["units"])),
-             _number(one["tolerance"]))
-            for name, one in tasks.items()
-        ],
-    )  # fmt: skip
-    constraints = summary.get("constraints") or {}
-    yield (
-        "Constraints",
-        ("constraint", "least left [mm]", "at", "time [s]"),
-        [
-            (name, _number(one["least_clearance"], 1e3), str(one["at"]), _number(one["time"]))
-            for name, one in constraints.items()
-        ],
-    )
-    held = list((summary.get("held_back") or {}).items())
-    yield (
-        f"Held back by ({len(held)})",
-        ("row", "for [s]", "from", "to"),
-        [
-            (name, _number(one["seconds"]), _number(one["first"]), _number(one["last"]))
-            for name, one in held[:SHOWN]
-        ],
-    )
-    times = summary.get("tick_time") or {}
-    yield (
-        "Tick time [ms]",
-        ("clock", "median", "99 %", "largest"),
-        [
-            (clock, *(_number(one[key], 1e3) for key in ("median", "p99", "max")))
-            for clock, one in times.items()
-        ],
-    )
-    yield ("Versions", ("package", "version"), list((summary.get("versions") or {}).items()))
+def _tables(summary: Mapping[str, Any]) -> Iterable[str]:
+    def items(name: str) -> Iterable[tuple[str, Any]]:
+        return (summary.get(name) or {}).items()
+
+    measured = [(name, _number(value), unit_of(name)) for name, value in items("measures")]
+    yield _table("Measured", ("what", "value", "unit"), measured)
+    yield _table("Simulation", ("what", "value"), _simulated(summary.get("simulation") or {}))
+    yield _table("Events", ("when", "what"), summary.get("events") or ())
+    tasks = [
+        (name, _number(one["norm"]), ", ".join(dict.fromkeys(one["units"])),
+         _number(one["tolerance"]))
+        for name, one in items("tasks")
+    ]  # fmt: skip
+    yield _table("Tasks at the end", ("task", "error", "unit", "tolerance"), tasks)
+    constraints = [
+        (name, _number(one["least_clearance"], 1e3), one["at"], _number(one["time"]))
+        for name, one in items("constraints")
+    ]
+    yield _table("Constraints", ("constraint", "least left [mm]", "at", "time [s]"), constraints)
+    held = [
+        (name, *(_number(one[key]) for key in ("seconds", "first", "last")))
+        for name, one in items("held_back")
+    ]
+    yield _table(f"Held back by ({len(held)})", ("row", "for [s]", "from", "to"), held[:SHOWN])
+    times = [
+        (clock, *(_number(one[key], 1e3) for key in ("median", "p99", "max")))
+        for clock, one in items("tick_time")
+    ]
+    yield _table("Tick time [ms]", ("clock", "median", "99 %", "largest"), times)
+    yield _table("Versions", ("package", "version"), items("versions"))
 
 
 def _simulated(told: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
@@ -240,7 +220,7 @@ def _simulated(told: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         yield "left out", str(note)
 
 
-def _table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def _table(title: str, heads: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     body = [
         "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
         for row in rows

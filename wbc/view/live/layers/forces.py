@@ -57,11 +57,8 @@ class ForcesLayer(Layer):
 
     def show(self, shown: ShownFrame) -> None:
         """Draw the forces of the tick; none at the velocity level."""
-        acting = [
-            (name, *one)
-            for name, one in zip(shown.forces, shown.wrenches, strict=True)
-            if np.linalg.norm(one[1][:3]) > LEAST * self.robot.weight
-        ]
+        least = LEAST * self.robot.weight
+        acting = [one for one in shown.forces if np.linalg.norm(one[2][:3]) > least]
         for frame, node in self._cones.items():
             node.visible = any(name == frame for name, *_ in acting)
         known = [one for one in shown.known_wrenches if np.linalg.norm(one[1][:3]) > 0.0]

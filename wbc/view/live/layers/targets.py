@@ -12,7 +12,7 @@ from viser.transforms import SO3
 
 from wbc.errors import WbcError
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental
-from wbc.spatial import COMPONENTS, vech, vech_inverse
+from wbc.spatial import COMPONENTS, DIAGONAL, vech, vech_inverse
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREEN, Context, Layer, wxyz
 from wbc.view.live.layers.pendulum import THINNEST, sections
@@ -33,17 +33,19 @@ class Place:
     position: TaskInfo | None = None
     rotation: TaskInfo | None = None
 
+    def here(self, shown: ShownFrame) -> Array:
+        """Return the actual position (3,) [m]."""
+        return shown.snapshot.position(self.frame) if self.frame else shown.snapshot.com
+
     def pose(self, shown: ShownFrame) -> tuple[Array, Array] | None:
         """Return target position and rotation; without a target the position is the actual one.
 
         None if there is no target.
         """
-        targets, snapshot = shown.frame.targets, shown.snapshot
-        if self.position is not None and self.position.name not in targets:
+        targets = shown.frame.targets
+        if any(one and one.name not in targets for one in (self.position, self.rotation)):
             return None
-        if self.rotation is not None and self.rotation.name not in targets:
-            return None
-        p = snapshot.position(self.frame) if self.frame else snapshot.com
+        p = self.here(shown)
         R: Array = np.eye(3)  # world axes without a target rotation
         if self.position is not None:
             wanted = targets[self.position.name][0]
@@ -142,9 +144,8 @@ class TargetsLayer(Layer):
             if pose is None:
                 continue
             node.position, node.wxyz = pose[0], wxyz(pose[1])
-            here = shown.snapshot.position(place.frame) if place.frame else shown.snapshot.com
             if place.position is not None:
-                lines.append((here, pose[0]))
+                lines.append((place.here(shown), pose[0]))
         self._lines.visible = bool(lines)
         if lines:
             self._lines.points = np.array(lines, dtype=np.float32)
@@ -158,15 +159,12 @@ class TargetsLayer(Layer):
         self._show_axes(shown)
 
     def _show_axes(self, shown: ShownFrame) -> None:
-        wanted = [task for task in self._axes if task.name in shown.frame.targets]
+        targets = shown.frame.targets
+        wanted = [task for task in self._axes if task.name in targets]
         self._arrows.visible = bool(wanted)
         if wanted:
-            reach = 0.15 * self.size
-            origins = [shown.snapshot.position(task.frame) for task in wanted]
-            ends = [
-                origin + reach * shown.frame.targets[task.name][0]
-                for task, origin in zip(wanted, origins, strict=True)
-            ]
+            origins = np.array([shown.snapshot.position(task.frame) for task in wanted])
+            ends = origins + 0.15 * self.size * np.array([targets[task.name][0] for task in wanted])
             self._arrows.points = np.stack([origins, ends], axis=1).astype(np.float32)
 
 
@@ -186,7 +184,7 @@ def wanted_ellipsoid(task: TaskInfo, shown: ShownFrame) -> Ellipsoid | None:
         actual = vech(snapshot.inertia_in(task.frame))
         wanted = actual.copy()
         if task.rows == ("trace",):
-            wanted *= target[0][[0, 3, 5]].sum() / actual[[0, 3, 5]].sum()
+            wanted *= target[0][DIAGONAL].sum() / actual[DIAGONAL].sum()
         else:
             chosen = [COMPONENTS.index(row) for row in task.rows]
             wanted[chosen] = target[0][chosen]
@@ -216,7 +214,7 @@ class HandlesLayer(Layer):
     def _handle(self, place: Place) -> Any:
         moved = place.position is not None
         active = (True, True, True)
-        if place.position is not None:
+        if place.position is not None and place.rotation is None:
             x, y, z = (axis in place.position.rows for axis in "xyz")
             active = (x, y, z)
         handle = self.scene.add_transform_controls(
@@ -225,7 +223,7 @@ class HandlesLayer(Layer):
             disable_axes=not moved,
             disable_sliders=not moved,
             disable_rotations=place.rotation is None,
-            active_axes=active if place.rotation is None else (True, True, True),
+            active_axes=active,
             depth_test=False,
         )
 
