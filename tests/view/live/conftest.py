@@ -1,7 +1,8 @@
 """A page without a process of its own, and a client without a browser."""
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from tests.needs import BROWSER, SOFTWARE
 from tests.problem.loading import problem_of
 from tests.texts import STAND
 from wbc.problem.problem import Problem
-from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.view.live.collect import obstacles_of, targets_of, tick_info
+from wbc.rotations import rotation_from
+from wbc.view.live.collect import controller_info, obstacles_of, targets_of, tick_info
 from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Frame, PullForce, Restart, Setup
 from wbc.view.live.page import Page, Server
@@ -68,20 +69,13 @@ def drag(
 
 
 class Stage:
-    """A page in this process, and the pipe that leads to it."""
+    """A page in this process, and the pipe that leads to it; options as of :class:`Setup`."""
 
-    def __init__(
-        self,
-        robot: wbc.Robot,
-        push: float = 0.0,
-        terrain: Terrain = LEVEL,
-        beside: wbc.Robot | None = None,
-    ) -> None:
+    def __init__(self, robot: wbc.Robot, **options: Any) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = page_address(HOST, None)
         self.server = Server(place.host, place.port)
-        options = {"push": push, "terrain": terrain, "beside": beside}
-        setup = Setup(robot, "test", clock=True, steer=True, **options)  # type: ignore[arg-type]
+        setup = Setup(robot, "test", clock=True, steer=True, **options)
         self.page = Page(setup, self.server, theirs)
 
     @property
@@ -107,6 +101,27 @@ class Stage:
             self.page.receive(message)  # type: ignore[arg-type]
         self.page._panel_at = self.page._controls_at = 0.0
         self.page.draw()
+
+    def show(self, controller: wbc.Controller, q: Any = None, time: float = 0.0) -> wbc.Snapshot:
+        """Draw a controller and its tick, by default standing; return the state."""
+        q = controller.robot.posture("standing") if q is None else q
+        self.draw(controller_info(controller), frame_at(controller, q, time))
+        return controller.robot.snapshot(q)
+
+    def require_placed(self, layer: str, snapshot: wbc.Snapshot) -> None:
+        """Fail unless the nodes of a layer are where a robot's joints are."""
+        rotations, origins = snapshot.joint_placements
+        joints = list(self.server.scene._children_from_node_name[f"{WORLD}/{layer}"])
+        assert len(joints) > 10
+        for joint in joints:
+            node, k = self.handle(joint.removeprefix(WORLD)), int(joint.rsplit("/", 1)[1])
+            np.testing.assert_allclose(node.position, origins[k], atol=1e-9)
+            np.testing.assert_allclose(rotation_of(node), rotations[k], atol=1e-9)
+
+
+def rotation_of(handle: Any) -> np.ndarray:
+    """Return the rotation (3, 3) of a node."""
+    return rotation_from(np.roll(handle.wxyz, -1))
 
 
 def simulated_problem(folder: Path, simulation: str) -> Problem:
@@ -154,10 +169,21 @@ def robot() -> wbc.Robot:
 
 
 @pytest.fixture
-def stage(robot: wbc.Robot) -> Iterator[Stage]:
-    made = Stage(robot)
-    yield made
-    made.server.stop()
+def stages(robot: wbc.Robot) -> Iterator[Callable[..., Stage]]:
+    """Return what makes pages, which end with the test."""
+    with ExitStack() as opened:
+
+        def make(**options: Any) -> Stage:
+            made = Stage(robot, **options)
+            opened.callback(made.server.stop)
+            return made
+
+        yield make
+
+
+@pytest.fixture
+def stage(stages: Callable[..., Stage]) -> Stage:
+    return stages()
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,12 @@
 """The view follows the robot: what is drawn at the page's origin, and what that changes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, client_of, tell
-from wbc.rotations import rotation_from
+from tests.view.live.conftest import Stage, client_of, rotation_of, tell
 from wbc.simulation import Terrain
 from wbc.validate import Array
 from wbc.view.live.camera_following import FREE_RADIUS, TIME_CONSTANT, TIME_GAP
@@ -18,10 +17,8 @@ SLOPE = (0.1, -0.05)
 
 
 @pytest.fixture
-def hill(robot: wbc.Robot) -> Iterator[Stage]:
-    made = Stage(robot, terrain=Terrain(slope=SLOPE))
-    yield made
-    made.server.stop()
+def hill(stages: Callable[..., Stage]) -> Stage:
+    return stages(terrain=Terrain(slope=SLOPE))
 
 
 def show(stage: Stage, robot: wbc.Robot, time: float, x: float, y: float = 0.0) -> Array:
@@ -116,7 +113,7 @@ def test_the_grid_goes_along_and_its_lines_stay(
 ) -> None:
     show(hill, robot, 0.0, *where)
     grid = hill.handle("/ground/grid")
-    turn = rotation_from(np.roll(grid.wxyz, -1))
+    turn = rotation_of(grid)
     along, from_point = turn.T @ grid.position, turn.T @ (grid.position - origin(hill))
     section = grid.section_size
     assert np.abs(from_point[:2]).max() <= 0.5 * section + 1e-9

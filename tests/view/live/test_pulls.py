@@ -1,6 +1,6 @@
 """Pulls by hand: grabbed on the page, a spring in the simulation, drawn as an arrow, let go."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -74,10 +74,8 @@ def test_a_pull_is_at_most_the_weight(robot: Robot) -> None:
 
 
 @pytest.fixture
-def grabbable(robot: Robot) -> Iterator[Stage]:
-    made = Stage(robot, push=2.0)
-    yield made
-    made.server.stop()
+def grabbable(stages: Callable[..., Stage]) -> Stage:
+    return stages(push=2.0)
 
 
 def tell_drag(

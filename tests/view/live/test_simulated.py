@@ -1,6 +1,6 @@
 """A simulation in the viewer: the simulation itself, pushed from the page, until it falls."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -65,10 +65,8 @@ def test_a_robot_that_leans_out_of_its_soles_can_be_viewed(tmp_path: Path) -> No
 
 
 @pytest.fixture
-def pushed(robot: Robot) -> Iterator[Stage]:
-    made = Stage(robot, push=2.0)
-    yield made
-    made.server.stop()
+def pushed(stages: Callable[..., Stage]) -> Stage:
+    return stages(push=2.0)
 
 
 def test_the_button_sends_what_the_sliders_say(pushed: Stage) -> None:

@@ -6,7 +6,6 @@ import pytest
 import wbc
 from tests.view.live.conftest import Stage, client_of, frame_at
 from wbc.spatial import vech
-from wbc.view.live.collect import controller_info
 from wbc.view.live.messages import Release, SetTarget, SetWeight
 
 
@@ -25,10 +24,7 @@ def controller(robot: wbc.Robot) -> wbc.KinematicController:
 
 
 def test_what_sliders_ask_for(stage: Stage, controller: wbc.KinematicController) -> None:
-    robot = controller.robot
-    q = robot.posture("standing")
-    start = robot.snapshot(q)
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
+    start = stage.show(controller)
     with client_of(stage.url) as client:
 
         def asked(label: str, value: float) -> SetTarget:
@@ -53,21 +49,18 @@ def test_what_sliders_ask_for(stage: Stage, controller: wbc.KinematicController)
 
 
 def test_sliders_follow_the_targets(stage: Stage, controller: wbc.KinematicController) -> None:
-    robot = controller.robot
-    q = robot.posture("standing")
-    start = robot.snapshot(q)
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
+    start = stage.show(controller)
     assert stage.gui("xx times").value == 1.0
     controller.tasks[1].set_target(1.2 * start.inertia)  # type: ignore[attr-defined]
     controller.tasks[0].set_target(start.com + 0.03)  # type: ignore[attr-defined]
-    stage.draw(frame_at(controller, q, 0.1))
+    stage.draw(frame_at(controller, start.q, 0.1))
     assert stage.gui("xx times").value == pytest.approx(1.2)
     assert stage.gui("z [mm]").value == pytest.approx(30.0)
     assert not stage.pipe.poll(0.1)  # the page moved them, not the user
 
 
 def test_giving_back(stage: Stage, controller: wbc.KinematicController) -> None:
-    stage.draw(controller_info(controller), frame_at(controller, controller.robot.posture(), 0.0))
+    stage.show(controller)
     with client_of(stage.url) as client:
         stage.move_slider(client, "shape", 1.0)
         assert stage.pipe.recv() == SetWeight("shape", 10.0)
@@ -79,14 +72,12 @@ def test_giving_back(stage: Stage, controller: wbc.KinematicController) -> None:
 def test_another_controller_has_other_sliders(
     stage: Stage, controller: wbc.KinematicController
 ) -> None:
-    robot = controller.robot
-    q = robot.posture("standing")
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
+    robot, q = controller.robot, stage.show(controller).q
     other = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)])
-    stage.draw(controller_info(other), frame_at(other, q, 0.1))
+    stage.show(other, time=0.1)
     assert not stage.gui("shape").visible
     assert stage.gui("posture").visible
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.2))
+    stage.show(controller, time=0.2)
     assert stage.gui("shape").visible
     assert not stage.gui("posture").visible
     with pytest.raises(IndexError):  # made once, and shown again

@@ -23,16 +23,13 @@ def standing(robot: wbc.Robot) -> wbc.TorqueController:
 def test_arrows_carry_the_weight_from_inside_the_soles(
     stage: Stage, standing: wbc.TorqueController
 ) -> None:
-    robot = standing.robot
-    q = robot.posture("standing")
-    stage.draw(controller_info(standing), frame_at(standing, q, 0.0))
+    robot, snapshot = standing.robot, stage.show(standing)
     arrows = stage.handle("/contact_forces/arrows")
     assert arrows.visible
     ways = arrows.points[:, 1] - arrows.points[:, 0]
     # Single precision; at rest the forces carry the weight, to what the tasks pull by.
     total = ways.sum(axis=0) / (REACH * stage.page._margins.size)
     np.testing.assert_allclose(total, [0.0, 0.0, 1.0], atol=1e-2)
-    snapshot = robot.snapshot(q)
     for foot, start in zip(robot.feet.values(), arrows.points[:, 0], strict=True):
         local = snapshot.rotation(foot.frame).T @ (start - snapshot.position(foot.frame))
         assert abs(local[2]) < 1e-5
@@ -45,10 +42,7 @@ def test_arrows_carry_the_weight_from_inside_the_soles(
 
 
 def test_the_cop_drawn_is_that_of_the_tick(stage: Stage, standing: wbc.TorqueController) -> None:
-    robot = standing.robot
-    q = robot.posture("standing")
-    tick = standing.step(robot.snapshot(q))
-    stage.draw(controller_info(standing), frame_at(standing, q, 0.0))
+    tick = standing.step(stage.show(standing))
     assert tick.cop is not None
     np.testing.assert_allclose(stage.handle("/leg_cop_cmp/cop").position, tick.cop, atol=1e-6)
     assert stage.handle("/leg_cop_cmp/cmp").visible
@@ -76,7 +70,7 @@ def test_the_kinematic_level_has_no_forces(stage: Stage, robot: wbc.Robot) -> No
     controller = wbc.KinematicController(
         robot, [wbc.ComTask(robot, start.com)], contacts=wbc.support(start, "double")
     )
-    stage.draw(controller_info(controller), frame_at(controller, start.q, 0.0))
+    stage.show(controller)
     assert not stage.handle("/contact_forces/arrows").visible
 
 

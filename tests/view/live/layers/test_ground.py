@@ -1,17 +1,15 @@
 """The ground of the page, and marks on it, against the terrain they are on."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, frame_at
+from tests.view.live.conftest import Stage, rotation_of
 from wbc.problem.simulation_spec import rotated_to_plane
-from wbc.rotations import rotation_from
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.live.collect import controller_info
 from wbc.view.live.layers.layer import ORANGE, WORLD
 from wbc.view.live.messages import Frame
 
@@ -20,10 +18,8 @@ TERRAIN = Terrain(slope=(0.1, -0.05), steps=(BOARD,))
 
 
 @pytest.fixture
-def hill(robot: wbc.Robot) -> Iterator[Stage]:
-    made = Stage(robot, terrain=TERRAIN)
-    yield made
-    made.server.stop()
+def hill(stages: Callable[..., Stage]) -> Stage:
+    return stages(terrain=TERRAIN)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +30,7 @@ def start(robot: wbc.Robot) -> Array:
 
 def test_the_grid_is_tilted_and_boards_are_where_they_are(hill: Stage) -> None:
     grid = hill.handle("/ground/grid")
-    turn = rotation_from(np.roll(grid.wxyz, -1))
+    turn = rotation_of(grid)
     np.testing.assert_allclose(turn[:, 2] @ (1.0, 0.0, 0.1), 0.0, atol=1e-12)
     np.testing.assert_allclose(turn[:, 2] @ (0.0, 1.0, -0.05), 0.0, atol=1e-12)
     assert turn[2, 2] > 0.9
@@ -53,7 +49,7 @@ def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> 
     controller = wbc.KinematicController(
         robot, [wbc.ComTask(robot, standing.com)], contacts=wbc.support(standing, "double")
     )
-    hill.draw(controller_info(controller), frame_at(controller, start, 0.0))
+    hill.show(controller, start)
     polygon = hill.handle("/soles_and_support/polygon").points.reshape(-1, 3)
     mark = hill.handle("/com/projection").position
     plumb = hill.handle("/com/plumb").points[0]

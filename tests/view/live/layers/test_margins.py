@@ -7,7 +7,6 @@ import wbc
 from tests.view.live.conftest import Stage, frame_at
 from wbc.constraints.margin import SKIN
 from wbc.rotations import exp_rotation
-from wbc.view.live.collect import controller_info
 from wbc.view.live.layers.layer import surface_of
 
 
@@ -37,10 +36,9 @@ def test_distances_and_margins_are_those_of_the_constraints(
     rng = np.random.default_rng(1)
     step = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)])
     q = robot.integrate(robot.posture("standing"), step, 1.0)
-    stage.draw(controller_info(careful), frame_at(careful, q, 0.0))
+    snapshot = stage.show(careful, q)
     listed = {pair.label: pair for pair in stage.page._margins.nearest}
     assert len(listed) == 12
-    snapshot = robot.snapshot(q)
     for constraint in careful.constraints:
         assert isinstance(constraint, wbc.SelfCollision | wbc.Obstacles)
         distances = constraint.distances(snapshot)
@@ -62,8 +60,7 @@ def test_distances_and_margins_are_those_of_the_constraints(
 def test_an_obstacle_moves_with_its_frame(
     stage: Stage, careful: wbc.KinematicController, ball: wbc.Obstacle
 ) -> None:
-    q = careful.robot.posture("standing")
-    stage.draw(controller_info(careful), frame_at(careful, q, 0.0))
+    q = stage.show(careful).q
     node = stage.handle("/obstacles/ball")
     np.testing.assert_allclose(node.position, ball.origin, atol=1e-9)
     ball.move(np.eye(3), [0.5, 0.1, 0.2])

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, client_of, drag, frame_at
+from tests.view.live.conftest import Stage, client_of, drag, frame_at, rotation_of
 from wbc.rmp.ellipsoid import equimomental
-from wbc.rotations import exp_rotation, rotation_from
-from wbc.view.live.collect import controller_info
+from wbc.rotations import exp_rotation
 from wbc.view.live.messages import SetTarget
 
 TURN = exp_rotation(np.array([0.3, -0.2, 0.1]))
@@ -41,15 +40,12 @@ def controller(robot: wbc.Robot, hands: tuple[str, str]) -> wbc.KinematicControl
 def test_ghosts_are_at_the_targets(
     stage: Stage, controller: wbc.KinematicController, hands: tuple[str, str]
 ) -> None:
-    robot = controller.robot
-    q = robot.posture("standing")
-    start = robot.snapshot(q)
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
+    robot, start = controller.robot, stage.show(controller)
     left, right = (stage.handle(f"/targets/{hand}") for hand in hands)
     np.testing.assert_allclose(left.position, start.position(hands[0]) + 0.1, atol=1e-9)
     np.testing.assert_allclose(right.position, start.position(hands[1]) - 0.1, atol=1e-9)
     for ghost in (left, right):
-        np.testing.assert_allclose(rotation_from(np.roll(ghost.wxyz, -1)), TURN, atol=1e-9)
+        np.testing.assert_allclose(rotation_of(ghost), TURN, atol=1e-9)
     # Height is not wanted: it is where it is.
     com = stage.handle("/targets/com").position
     np.testing.assert_allclose(com, start.com + [0.01, 0.02, 0.0], atol=1e-9)
@@ -62,8 +58,7 @@ def test_ghosts_are_at_the_targets(
 
 def test_an_inertia_that_no_body_has_is_not_drawn(stage: Stage, robot: wbc.Robot) -> None:
     task = wbc.InertiaTask(robot, np.diag([1.0, 1.0, 9.0]))
-    controller = wbc.KinematicController(robot, [task])
-    stage.draw(controller_info(controller), frame_at(controller, robot.posture("standing"), 0.0))
+    stage.show(wbc.KinematicController(robot, [task]))
     assert not stage.handle("/targets/ellipsoid inertia").visible
 
 
@@ -74,11 +69,9 @@ def test_dragging_asks_for_targets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("wbc.view.live.layers.targets.HELD", 1e3)  # a busy machine takes seconds
-    robot = controller.robot
-    q = robot.posture("standing")
-    stage.draw(controller_info(controller), frame_at(controller, q, 0.0))
+    q = stage.show(controller).q
     # The view follows a robot far away, and handles are told in the world's axes all the same.
-    far = q + 3.0 * np.eye(robot.nq)[0]
+    far = q + 3.0 * np.eye(q.size)[0]
     stage.draw(frame_at(controller, far, 0.01))
     assert stage.handle("").position[0] < -0.01
     with client_of(stage.url) as client:
