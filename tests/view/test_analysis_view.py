@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
+from tests.view.reading import plots, require_apart
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
@@ -30,10 +29,6 @@ def still() -> RmpSeries:
     return series_of(0.0, "auto")
 
 
-def plots(figure: Figure) -> dict[str, object]:
-    return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_title(loc="left")}
-
-
 def test_plots_hold_the_series(still: RmpSeries) -> None:
     figure = analysis_figure(still, title="Standing", snapshots=3)
     named = plots(figure)
@@ -50,24 +45,7 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
 @pytest.mark.parametrize("snapshots", [6, 10])
 def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
     figure = analysis_figure(still, title="Standing", snapshots=snapshots)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer = canvas.get_renderer()
-    boxes = [
-        (text.get_text(), text.get_window_extent(renderer))
-        for axes in figure.axes
-        for text in (axes.title, axes._left_title, *axes.texts, axes.yaxis.label, axes.xaxis.label)
-        if text.get_text()
-    ]
-    boxes += [
-        ("legend", axes.get_legend().get_window_extent(renderer))
-        for axes in figure.axes
-        if axes.get_legend() is not None
-    ]
-    assert len(boxes) > 30
-    for k, (name, box) in enumerate(boxes):
-        for other, another in boxes[k + 1 :]:
-            assert not box.overlaps(another), f"{name!r} over {other!r}"
+    require_apart(figure, ticks=False)
 
 
 @pytest.mark.slow

@@ -1,12 +1,9 @@
 """Results of simulations and of pendulums: read back, reported and filmed as runs are."""
 
-import base64
 import json
-import re
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tests.texts import STAND
+from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
@@ -92,12 +90,6 @@ def test_a_report_of_a_simulation_says_what_only_physics_knows(simulated: Simula
     assert "trunk tilted by at most" in page
 
 
-def data_of(page: str) -> dict[str, Any]:
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
-    assert found
-    return json.loads(found[1])
-
-
 def test_a_pendulum_comes_back(moved: PendulumResult, tmp_path: Path) -> None:
     moved.save(tmp_path / "p.npz")
     saved = load_result(tmp_path / "p.npz")
@@ -134,14 +126,13 @@ def test_the_replay_of_a_pendulum_is_its_motion(moved: PendulumResult, tmp_path:
     history = moved.history
     rows = replay_rows(history.time)
     data = pendulum_replay(history, rows)
-
-    def numbers(name: str) -> np.ndarray:
-        return np.frombuffer(base64.b64decode(data[name]), "<f4").reshape(len(rows), -1)
-
+    shape = (len(rows), -1)
     for name, expected in (("com", history.com), ("feet", history.foot)):
-        np.testing.assert_allclose(numbers(name), expected[rows], rtol=1e-6, atol=1e-6)  # 32 bits
+        np.testing.assert_allclose(
+            numbers(data[name], shape), expected[rows], rtol=1e-6, atol=1e-6
+        )  # 32 bits
     # A uniform ellipsoid has second moments M a^2 / 5, six masses M/6 at r have M r^2 / 3.
-    semi_axes, radii = np.hsplit(numbers("sizes"), 2)
+    semi_axes, radii = np.hsplit(numbers(data["sizes"], shape), 2)
     np.testing.assert_allclose(semi_axes**2 / 5.0, radii**2 / 3.0, rtol=1e-6)
     assert all(data["stands"])
     path = write_pendulum_report(history, moved.summary(), tmp_path / "p.html", title="<p>")

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
+from tests.view.reading import plots, require_apart
 from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.view import style
 from wbc.view.pendulum import pendulum_figure
@@ -67,38 +66,6 @@ CASES = {
     "one moment": history(np.array(((0.01, 0.0, 0.7),))),
     "all in flight": history(jumping(), flight=slice(None)),
 }
-
-
-def plots(figure: Figure) -> dict[str, object]:
-    return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_title(loc="left")}
-
-
-def require_apart(figure: Figure) -> None:
-    """Fail if two texts overlap, or one is cut off by the figure's edge."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer = canvas.get_renderer()
-    boxes = []
-    for axes in figure.axes:
-        legend = axes.get_legend()
-        texts = [axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
-        texts += [axes.xaxis.get_offset_text(), axes.yaxis.get_offset_text()]
-        texts += legend.get_texts() if legend is not None else []
-        for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-            shown = zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
-            if axis.get_visible():  # x of twins is written once
-                texts += [label for place, label in shown if low <= place <= high]
-        boxes += [
-            (text.get_text(), text.get_window_extent(renderer))
-            for text in texts
-            if text.get_text() and text.get_visible()
-        ]
-    assert len(boxes) > 10
-    for k, (name, box) in enumerate(boxes):
-        for other, another in boxes[k + 1 :]:
-            assert not box.overlaps(another), f"{name!r} over {other!r}"
-        assert box.x0 >= 0.0 and box.y0 >= 0.0, name
-        assert box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1, name
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.texts import REACH
+from tests.view.reading import plots
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion.dropouts import runs
 from wbc.problem import load_problem
@@ -32,13 +33,9 @@ def figure(result: Result) -> Figure:
     return run_figure(result.robot, result.history, title="reach")
 
 
-def plots(figure: Figure) -> dict[str, object]:
-    return {axes.get_title(loc="left"): axes for axes in figure.axes}
-
-
 def test_constraints_are_plotted(result: Result, figure: Figure) -> None:
     axes = plots(figure)["Left of the constraints"]
-    zero, left = axes.lines  # type: ignore[attr-defined]
+    zero, left = axes.lines
     assert list(zero.get_ydata()) == [0.0, 0.0]
     np.testing.assert_allclose(left.get_ydata(), 1e3 * result.history.clearance["room"])
 
@@ -46,8 +43,8 @@ def test_constraints_are_plotted(result: Result, figure: Figure) -> None:
 def test_bars_are_as_long_as_rows_held_back(result: Result, figure: Figure) -> None:
     found = plots(figure)
     axes = next(one for title, one in found.items() if title.startswith("Held back by"))
-    bars = axes.collections  # type: ignore[attr-defined]
-    labels = [text.get_text() for text in axes.get_yticklabels()]  # type: ignore[attr-defined]
+    bars = axes.collections
+    labels = [text.get_text() for text in axes.get_yticklabels()]
     longest = list(result.held_back.items())[: len(bars)]
     assert labels == [label.replace("_link", "") for label, _ in longest]
     for bar, (_, one) in zip(bars, longest, strict=True):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.view.reading import plots
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -43,17 +44,17 @@ def test_everything_is_drawn(hoap2: Robot, arrays: Arrays, tmp_path) -> None:
     titles = {axes.get_title() or axes.get_title(loc="left") for axes in figure.axes}
     # At the start, when the push ends, and a tenth, three tenths and all of the time after it.
     assert {f"t = {t:.2f} s" for t in (0.0, 0.35, 0.5, 0.85, 2.0)} <= titles
-    plots = {axes.get_title(loc="left"): axes for axes in figure.axes}
-    torques = plots["Torques that come nearest to their bounds"]
+    drawn = plots(figure)
+    torques = drawn["Torques that come nearest to their bounds"]
     np.testing.assert_allclose(torques.lines[1].get_ydata(), 50.0)
     words = [text.get_text() for text in torques.texts]
     assert hoap2.joint_names[3] in words and "something gave way" in words
     assert any("semi-axes a₁ ≥ a₂ ≥ a₃ in mm" in text.get_text() for text in figure.texts)
-    margin = plots["CoP inside the soles that bear load"]
+    margin = drawn["CoP inside the soles that bear load"]
     (name,) = margin.texts  # where its curve ends, at 20 mm
     place = margin.transAxes.transform(name.get_position())
     assert margin.transData.inverted().transform(place)[1] == pytest.approx(20.0, abs=0.5)
-    lateral = plots["CoM and CoP, y: to the left"]
+    lateral = drawn["CoM and CoP, y: to the left"]
     np.testing.assert_allclose(lateral.lines[-1].get_ydata(), 0.0, atol=1e-12)
     pushed = lateral.patches[0].get_extents().transformed(lateral.transData.inverted())
     np.testing.assert_allclose((pushed.x0, pushed.x1), (0.2, 0.35))
@@ -69,12 +70,12 @@ def test_noise_of_a_robot_that_stands_does_not_fill_the_axes(hoap2: Robot, array
              "angular_momentum": noise}  # fmt: skip
     for tilt, highest in ((still["tilt"], 0.05), (0.1 * arrays["time"], 0.2)):
         figure = simulation_figure(hoap2, {**still, "tilt": tilt}, title="still")
-        plots = {axes.get_title(loc="left"): axes for axes in figure.axes}
+        drawn = plots(figure)
         # Matplotlib leaves a twentieth free beyond what an axis must hold.
-        np.testing.assert_allclose(plots["Tilt of the trunk"].get_ylim(), (0.0, 1.05 * highest))
-        low, high = plots["CoM and CoP, y: to the left"].get_ylim()
+        np.testing.assert_allclose(drawn["Tilt of the trunk"].get_ylim(), (0.0, 1.05 * highest))
+        low, high = drawn["CoM and CoP, y: to the left"].get_ylim()
         np.testing.assert_allclose((high - low, 0.5 * (high + low)), (2.2, 0.0), atol=0.05)
-        apart = plots["How far CoM and CoP are from the plan"]
+        apart = drawn["How far CoM and CoP are from the plan"]
         np.testing.assert_allclose(apart.get_ylim(), (0.0, 2.1))
     far = {**still, "com": arrays["com"] + 0.01 * arrays["time"][:, None]}  # 20 mm: as it is
     figure = simulation_figure(hoap2, far, title="moves")

@@ -212,11 +212,3 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
     }
     with pytest.raises(InvalidInputError, match=words):
         SpinChange(**(given | change))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
-def test_a_state_that_is_none_is_refused(broken: Array) -> None:
-    law = SpinChange(PLANAR, Q_PLANAR, V_PLANAR, 9.0, 1.0, FOOT[PLANAR])
-    for q, v in ((broken, np.zeros(5)), (Q_PLANAR, broken)):
-        with pytest.raises(InvalidInputError):
-            law.command(q, v, 0.0)

@@ -178,11 +178,3 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
     }
     with pytest.raises(InvalidInputError, match=words):
         StaticLean(**(given | change))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
-def test_a_state_that_is_none_is_refused(broken: Array) -> None:
-    law = StaticLean(PlanarRmp(20.0, G), 1.4, LENGTH, RADIUS)
-    for q, v in ((broken, np.zeros(5)), (np.array((0.0, 1.4, LENGTH, 0.0, RADIUS)), broken)):
-        with pytest.raises(InvalidInputError):
-            law.command(q, v, 0.0)

@@ -211,11 +211,3 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
     }
     with pytest.raises(InvalidInputError, match=words):
         SwingUp(**(given | change))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
-def test_a_state_that_is_none_is_refused(broken: Array) -> None:
-    law = SwingUp(PlanarRmp(20.0, G), 0.9, 0.35, LawBounds(wheel_torque=20.0))
-    for q, v in ((broken, np.zeros(5)), (np.array((0.0, 1.4, 0.9, 0.0, 0.35)), broken)):
-        with pytest.raises(InvalidInputError):
-            law.command(q, v, 0.0)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.foot import FlatFoot, physical_rows, torsion_rows
-from wbc.rmp.balance.law import LawBounds
+from wbc.rmp.balance.law import BalanceLaw, LawBounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.spin_change import SpinChange
@@ -101,19 +101,34 @@ def test_where_they_cannot_be_they_are_not_left_out_silently(given: dict) -> Non
         MomentumQp(SolidRmp(35.0), LawBounds(**asked | given), (0.0, 0.0, 0.7), (0.3, 0.3, 0.3))
 
 
-@pytest.mark.parametrize(
+UPRIGHT, SPINNING = np.array((0.0, np.pi / 2, 0.7, 0.0, 0.3)), np.array((0, 0, 0, 3.0, 0))
+laws = pytest.mark.parametrize(
     "law",
     [
-        lambda bounds: Lqr(PlanarRmp(35.0), (0.0, np.pi / 2, 0.0, 0.7, 0.3), bounds=bounds),
-        lambda bounds: StaticLean(PlanarRmp(35.0), 1.4, 0.7, 0.3, bounds),
+        lambda bounds: Lqr(PlanarRmp(35.0), UPRIGHT, bounds=bounds),
+        lambda bounds: StaticLean(PlanarRmp(35.0), 1.5, 0.7, 0.3, bounds),
         lambda bounds: SwingUp(PlanarRmp(35.0), 0.7, 0.3, bounds),
-        lambda bounds: SpinChange(PlanarRmp(35.0), np.zeros(5), np.zeros(5), 1.0, 1.0, bounds),
+        lambda bounds: SpinChange(PlanarRmp(35.0), UPRIGHT, SPINNING, 2.0, 1.0, bounds),
         lambda bounds: PointStabiliser(SolidRmp(35.0), bounds, 0.7, (0.3, 0.3, 0.3)),
     ],
 )
-def test_laws_that_cannot_keep_it_say_so(law: Callable[[LawBounds], object]) -> None:
+
+
+@laws
+def test_laws_that_cannot_keep_it_say_so(law: Callable[[LawBounds], BalanceLaw]) -> None:
     with pytest.raises(InvalidInputError, match="cannot keep torsion within what friction holds"):
         law(LawBounds(torsion=True, wheel_torque=50.0))
+
+
+@laws
+@pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
+def test_a_state_that_is_none_is_refused(
+    law: Callable[[LawBounds], BalanceLaw], broken: np.ndarray
+) -> None:
+    made = law(LawBounds(wheel_torque=50.0))
+    for q, v in ((broken, np.zeros(5)), (UPRIGHT, broken)):
+        with pytest.raises(InvalidInputError):
+            made.command(q, v, 0.0)
 
 
 def test_only_rectangles_have_such_rows() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.problem import load_problem
 from wbc.robot import Snapshot
+from wbc.view.camera import viewing_axes
 from wbc.view.live.layers.robot import RobotShapes
 from wbc.view.live.messages import PullForce
 from wbc.view.live.page import AZIMUTH, DISTANCE, ELEVATION
@@ -114,6 +115,16 @@ def scrub(page: Any, part: float) -> None:
     page.mouse.click(box["x"] + part * box["width"], box["y"] + 0.5 * box["height"])
 
 
+def drag_mouse(page: Any, x: float, y: float, right: float = 0.0, up: float = 0.0) -> None:
+    """Press at a pixel and go on by so many, slowly; the button stays down."""
+    page.mouse.move(x, y)
+    page.wait_for_timeout(1500.0)
+    page.mouse.down()
+    for k in range(1, 9):
+        page.mouse.move(x + right * k / 8.0, y - up * k / 8.0)
+        page.wait_for_timeout(300.0)
+
+
 def picture(page: Any, name: str) -> None:
     if PICTURES:
         page.screenshot(path=f"{PICTURES}/{name}.png")
@@ -124,18 +135,8 @@ def on_screen(live: Live, point: np.ndarray) -> tuple[float, float]:
     robot = live.viewer.robot
     low, high = RobotShapes(robot).extent(robot, robot.posture())
     centre, size = 0.5 * (low + high), float(np.max(high - low))
-    way = np.array(
-        [
-            np.cos(ELEVATION) * np.cos(AZIMUTH),
-            np.cos(ELEVATION) * np.sin(AZIMUTH),
-            np.sin(ELEVATION),
-        ]
-    )
-    forward, up = -way, np.array([0.0, 0.0, 1.0])
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    ahead = point - (centre + DISTANCE * size * way)
+    right, down, forward = viewing_axes(AZIMUTH, ELEVATION)
+    ahead = point - (centre - DISTANCE * size * forward)
     focal = 0.5 * SIZE["height"] / np.tan(0.5 * np.deg2rad(75.0))
     depth = ahead @ forward
     return (

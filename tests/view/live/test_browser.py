@@ -13,6 +13,7 @@ from tests.needs import needs_browser
 from tests.view.live.browsing import (
     PATIENCE,
     Live,
+    drag_mouse,
     enter,
     on_screen,
     opened,
@@ -73,12 +74,7 @@ def test_a_dragged_target_is_followed(page: Any, live: Live) -> None:
     page.get_by_role("tab", name="Run").click()
     target = live.task("hand").target.copy()
     x, y = on_screen(live, target + [0.0, 0.0, 0.07])  # the arrow that points up
-    page.mouse.move(x, y)
-    page.wait_for_timeout(1500.0)
-    page.mouse.down()
-    for k in range(1, 9):
-        page.mouse.move(x, y - 6.0 * k)
-        page.wait_for_timeout(300.0)
+    drag_mouse(page, x, y, up=48.0)
     picture(page, "drag")
     page.mouse.up()
     assert live.becomes(lambda: live.task("hand").target[2] > target[2] + 0.02)

@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from tests.needs import needs_browser
-from tests.view.live.browsing import PATIENCE, on_screen, opened, picture
+from tests.view.live.browsing import PATIENCE, drag_mouse, on_screen, opened, picture
 from wbc.view.live.messages import PullRobot, ReleasePull
 from wbc.view.live.viewer import Viewer
 
@@ -31,16 +31,6 @@ def live(robot: wbc.Robot) -> Iterator[Any]:
         yield SimpleNamespace(viewer=viewer, now=now, hand=hand)
 
 
-def drag(page: Any, x: float, y: float, right: float, up: float) -> None:
-    """Drag the mouse by so many pixels, slowly."""
-    page.mouse.move(x, y)
-    page.wait_for_timeout(1500.0)
-    page.mouse.down()
-    for k in range(1, 9):
-        page.mouse.move(x + right * k / 8.0, y - up * k / 8.0)
-        page.wait_for_timeout(300.0)
-
-
 def test_it_is_grabbed_and_its_targets_are_dragged_in_the_world(browser: Any, live: Any) -> None:
     viewer, now = live.viewer, live.now
     page = opened(browser, live)
@@ -48,7 +38,7 @@ def test_it_is_grabbed_and_its_targets_are_dragged_in_the_world(browser: Any, li
 
     x, y = on_screen(live, now.position("base") - followed)
     page.keyboard.down("Shift")
-    drag(page, x, y, 40.0, 0.0)
+    drag_mouse(page, x, y, right=40.0)
     picture(page, "grabbed far away")
     page.mouse.up()
     page.keyboard.up("Shift")
@@ -65,7 +55,7 @@ def test_it_is_grabbed_and_its_targets_are_dragged_in_the_world(browser: Any, li
 
     target = live.hand.target.copy()
     x, y = on_screen(live, target + [0.0, 0.0, 0.07] - followed)  # the arrow that points up
-    drag(page, x, y, 0.0, 48.0)
+    drag_mouse(page, x, y, up=48.0)
     picture(page, "dragged far away")
     page.mouse.up()
     page.wait_for_timeout(2000.0)

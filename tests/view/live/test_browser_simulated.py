@@ -10,7 +10,7 @@ import pytest
 
 from tests.needs import needs_browser
 from tests.texts import STAND
-from tests.view.live.browsing import Live, on_screen, opened, picture
+from tests.view.live.browsing import Live, drag_mouse, on_screen, opened, picture
 
 pytestmark = [needs_browser, pytest.mark.slow]
 
@@ -31,13 +31,8 @@ def test_a_push_by_button_and_a_pull_by_drag(browser: Any, simulated: Live) -> N
     live.becomes(lambda: bool(np.abs(live.now.v).max() < 0.02))
     before = live.now.com
     x, y = on_screen(live, live.now.position("base"))
-    page.mouse.move(x, y)
-    page.wait_for_timeout(1500.0)
     page.keyboard.down("Shift")
-    page.mouse.down()
-    for k in range(1, 9):
-        page.mouse.move(x + 5.0 * k, y)
-        page.wait_for_timeout(300.0)
+    drag_mouse(page, x, y, right=40.0)
     assert live.becomes(lambda: live.pull is not None)
     assert live.becomes(lambda: bool(np.linalg.norm(live.now.com - before) > 1e-3))
     page.get_by_text(re.compile(r"\d N at ")).wait_for()

@@ -4,7 +4,6 @@ import base64
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +14,7 @@ from tests.command import wbc_command
 from tests.needs import BROWSER, SOFTWARE, needs_browser
 from tests.problem.loading import problem_of
 from tests.texts import REACH
+from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes
@@ -37,16 +37,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
 @pytest.fixture(scope="module")
 def page(result: Result) -> str:
     return report_text(result.robot, result.history, result.summary(), "a <title>")
-
-
-def data_of(page: str) -> dict[str, Any]:
-    (text,) = re.findall(r'id="data">(.*?)</script>', page, flags=re.DOTALL)
-    data: dict[str, Any] = json.loads(text)
-    return data
-
-
-def numbers(text: str, shape: tuple[int, ...]) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(shape)
 
 
 def test_the_replay_is_the_run(result: Result, page: str) -> None:
@@ -81,12 +71,11 @@ def test_shapes_are_rounded_by_less_than_a_step(result: Result, page: str) -> No
     shapes = RobotMeshes(result.robot).in_joint_frames
     meshes = limit_triangles([mesh for _, mesh in shapes], 40_000)
     for part, (joint, _), mesh in zip(data_of(page)["parts"], shapes, meshes, strict=True):
-        raw = np.frombuffer(base64.b64decode(part["corners"]), dtype="<u2").reshape(-1, 3)
+        raw = numbers(part["corners"], (-1, 3), "<u2")
         step = np.array(part["step"])
         corners = np.array(part["low"]) + step * raw
         assert (np.abs(corners - mesh.vertices) <= 0.5001 * step).all()
-        faces = np.frombuffer(base64.b64decode(part["faces"]), dtype="<u2").reshape(-1, 3)
-        np.testing.assert_array_equal(faces, mesh.faces)
+        np.testing.assert_array_equal(numbers(part["faces"], (-1, 3), "<u2"), mesh.faces)
         assert part["joint"] == joint
 
 
@@ -120,7 +109,7 @@ def test_slopes_and_boards_are_in_it(result: Result, page: str) -> None:
     on_slope = 0.1 * com[:, 0] - 0.05 * com[:, 1]  # nobody stands on the board
     np.testing.assert_allclose(feet, np.column_stack((com[:, :2], on_slope)), atol=1e-6)
     (drawn,) = data["boards"]
-    raw = np.frombuffer(base64.b64decode(drawn["corners"]), dtype="<u2").reshape(-1, 3)
+    raw = numbers(drawn["corners"], (-1, 3), "<u2")
     corners = np.array(drawn["low"]) + np.array(drawn["step"]) * raw
     np.testing.assert_allclose(corners.min(axis=0), (0.2, -0.3, 0.02), atol=1e-5)
     np.testing.assert_allclose(corners.max(axis=0), (0.4, 0.1, 0.04), atol=1e-5)
