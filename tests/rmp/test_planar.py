@@ -145,29 +145,6 @@ def test_without_radius_it_is_an_inverted_pendulum(model: PlanarRmp) -> None:
         model.forward_dynamics(q, v, f)
 
 
-@pytest.mark.parametrize("theta", (np.pi / 2, 1.2, -np.pi / 2))
-def test_linearisation_is_the_slope_of_the_dynamics(model: PlanarRmp, theta: float) -> None:
-    q = np.array((0.2, theta, 0.8, 0.3, 0.3))
-    f = model.holding_force(q)
-    np.testing.assert_allclose(
-        f, (M * G * 0.8 * np.cos(theta), M * G * np.sin(theta), 0, 0), **EXACT
-    )
-    A, B = model.linearisation(q, f)
-
-    def rate(x: Array, u: Array) -> Array:
-        a = model.forward_dynamics(q + x[:5], x[5:], f + u[1:], u[0])
-        return np.concatenate((x[5:], a))
-
-    h = 1e-5  # central: error h^2 and 1e-14 / h
-    zero_x, zero_u = np.zeros(10), np.zeros(5)
-    for k, e in enumerate(np.eye(10) * h):
-        slope = (rate(e, zero_u) - rate(-e, zero_u)) / (2 * h)
-        np.testing.assert_allclose(A[:, k], slope, rtol=1e-7, atol=1e-7)
-    for k, e in enumerate(np.eye(5) * h):
-        slope = (rate(zero_x, e) - rate(zero_x, -e)) / (2 * h)
-        np.testing.assert_allclose(B[:, k], slope, rtol=1e-7, atol=1e-7)
-
-
 def test_other_mistakes(model: PlanarRmp) -> None:
     with pytest.raises(InvalidInputError, match="PlanarRmp: mass: must be greater than 0"):
         PlanarRmp(0.0)

@@ -241,34 +241,37 @@ def test_upright_is_far_from_the_singular_direction(model: SolidRmp) -> None:
         model.forward_dynamics(q, np.zeros(11), np.zeros(9))
 
 
-@pytest.mark.parametrize("kind", (SolidRmp, EulerSolidRmp))
-def test_linearisation_is_the_slope_of_the_dynamics(
-    kind: type[SolidRmp] | type[EulerSolidRmp],
-) -> None:
+@pytest.mark.parametrize("kind", (PlanarRmp, SolidRmp, EulerSolidRmp))
+@pytest.mark.parametrize("theta", (np.pi / 2, 1.2, -np.pi / 2))
+def test_linearisation_is_the_slope_of_the_dynamics(kind: type[PlanarRmp], theta: float) -> None:
     model = kind(M, G)
-    turned = (0, 0, 0, 1) if kind is SolidRmp else (0.3, -0.2, 0.5)
-    q = np.array((0.1, -0.2, 1.3, 0.2, 0.8, *turned, 0.2, 0.3, 0.4))
-    f = model.holding_force(q)
+    turned = {PlanarRmp: (0.3,), SolidRmp: (0, 0, 0, 1), EulerSolidRmp: (0.3, -0.2, 0.5)}[kind]
+    place, radii = ((0.2,), (0.3,)) if kind is PlanarRmp else ((0.1, -0.2), (0.2, 0.3, 0.4))
+    leg = (theta, 0.8) if kind is PlanarRmp else (theta, 0.2, 0.8)
+    q = np.array((*place, *leg, *turned, *radii))
+    f, n, nv = model.holding_force(q), len(place), len(model.V)
+    if kind is PlanarRmp:
+        expected = (M * G * 0.8 * np.cos(theta), M * G * np.sin(theta), 0, 0)
+        np.testing.assert_allclose(f, expected, **EXACT)
     A, B = model.linearisation(q, f)
 
     def rate(x: Array, u: Array) -> Array:
-        at = q.copy()
-        at[:5] += x[:5]
-        at[-3:] += x[8:11]
+        at, turn = q.copy(), x[5:8]
         if kind is SolidRmp:
-            angle = np.linalg.norm(x[5:8])
-            at[5:8] = np.sin(angle / 2) * x[5:8] / max(angle, TINY)
-            at[8] = np.cos(angle / 2)
+            half = np.linalg.norm(turn) / 2
+            at[:5] += x[:5]
+            at[5:8], at[8] = np.sin(half) * turn / max(2 * half, TINY), np.cos(half)
+            at[9:] += x[8:nv]
         else:
-            at[5:8] += x[5:8]
-        return np.concatenate((x[11:], model.forward_dynamics(at, x[11:], f + u[2:], u[:2])))
+            at += x[:nv]
+        return np.concatenate((x[nv:], model.forward_dynamics(at, x[nv:], f + u[n:], u[:n])))
 
     h = 1e-5  # central: error h^2 and 1e-14 / h
-    for k, e in enumerate(np.eye(22) * h):
-        slope = (rate(e, np.zeros(11)) - rate(-e, np.zeros(11))) / (2 * h)
+    for k, e in enumerate(np.eye(2 * nv) * h):
+        slope = (rate(e, np.zeros(nv)) - rate(-e, np.zeros(nv))) / (2 * h)
         np.testing.assert_allclose(A[:, k], slope, rtol=1e-6, atol=1e-7)
-    for k, e in enumerate(np.eye(11) * h):
-        slope = (rate(np.zeros(22), e) - rate(np.zeros(22), -e)) / (2 * h)
+    for k, e in enumerate(np.eye(nv) * h):
+        slope = (rate(np.zeros(2 * nv), e) - rate(np.zeros(2 * nv), -e)) / (2 * h)
         np.testing.assert_allclose(B[:, k], slope, rtol=1e-6, atol=1e-7)
 
 

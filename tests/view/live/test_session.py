@@ -13,6 +13,7 @@ from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
 from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.problem import Problem
+from wbc.robot import Snapshot
 from wbc.run.simulate import simulate
 from wbc.run.stopping import Stop
 from wbc.view.live.clock import Clock
@@ -42,12 +43,12 @@ def viewer(problem: Problem) -> Iterator[Viewer]:
         yield made
 
 
-class Seen(list):  # type: ignore[type-arg]
-    """What a viewer was given, tick by tick."""
+Seen = list[Snapshot]
 
 
 @pytest.fixture
 def seen(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> Seen:
+    """Return what the viewer is given, tick by tick."""
     found, update = Seen(), viewer.update
 
     def remember(snapshot, *rest, **more):  # type: ignore[no-untyped-def]

@@ -85,14 +85,6 @@ def test_the_page_is_sent_updates_in_order_and_the_last_one(
 
 
 @pytest.mark.slow
-def test_updates_are_dropped_and_not_waited_for(viewer: Viewer, robot: wbc.Robot) -> None:
-    snapshot = robot.snapshot(robot.posture("standing"))
-    for k in range(10_000):
-        viewer.update(snapshot, time=0.001 * k)
-    assert viewer.dropped > 9000
-
-
-@pytest.mark.slow
 def test_the_loop_outlives_the_page(robot: wbc.Robot) -> None:
     viewer = Viewer(robot, quiet=True)
     snapshot = robot.snapshot(robot.posture("standing"))

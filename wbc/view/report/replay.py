@@ -47,33 +47,30 @@ def replay_data(run: DrawableRun, rows: Sequence[int]) -> dict[str, Any]:
     robot = run.robot
     shapes = RobotMeshes(robot).in_joint_frames
     meshes = limit_triangles([mesh for _, mesh in shapes], TRIANGLES)
-    places, com, axes, sizes, stands, grounded = [], [], [], [], [], []
-    for row in rows:
-        snapshot = robot.snapshot(run.q[row])
-        rotations, origins = snapshot.joint_placements
-        places.append(np.column_stack((origins, Rotation.from_matrix(rotations).as_quat())))
-        ellipsoid = equimomental(snapshot.inertia, robot.mass)
-        radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
-        pose = run.pose(row)
-        com.append(snapshot.com)
-        axes.append(ellipsoid.axes.ravel())
-        sizes.append(np.concatenate((ellipsoid.semi_axes, radii)))
-        stands.append(pose.stands and bool(robot.feet))
-        grounded.append(pose.grounded)
+    poses = [run.pose(row) for row in rows]
+    snapshots = [robot.snapshot(pose.q) for pose in poses]
+    com = np.array([one.com for one in snapshots])
+    ellipsoids = [equimomental(one.inertia, robot.mass) for one in snapshots]
+    radii = [reaction_mass_radii(one.inertia(), robot.mass) for one in ellipsoids]
+    rotations = np.concatenate([one.joint_placements[0] for one in snapshots])
+    origins = np.concatenate([one.joint_placements[1] for one in snapshots])
+    turns = Rotation.from_matrix(rotations).as_quat()
     return {
         "time": _numbers(run.time[rows]),
         "parts": [
             {"joint": joint, "colour": list(mesh.colour), **_surface(mesh)}
             for (joint, _), mesh in zip(shapes, meshes, strict=True)
         ],
-        "joints": int(np.shape(places)[1]),
-        "places": _numbers(places),  # (frames, joints, 7): origin, quaternion xyzw
+        "joints": len(origins) // len(rows),
+        # (frames, joints, 7): origin, quaternion xyzw
+        "places": _numbers(np.column_stack((origins, turns))),
         "com": _numbers(com),
-        "feet": _numbers(run.terrain.surface(np.array(com))),  # (frames, 3): of the leg
-        "axes": _numbers(axes),  # (frames, 9): principal axes as columns
-        "sizes": _numbers(sizes),  # (frames, 6): semi-axes, radii of the masses
-        "stands": stands,
-        "grounded": bool(np.any(grounded)),
+        "feet": _numbers(run.terrain.surface(com)),  # (frames, 3): of the leg
+        "axes": _numbers([one.axes for one in ellipsoids]),  # (frames, 9): as columns
+        # (frames, 6): semi-axes, radii of the masses
+        "sizes": _numbers(np.column_stack(([one.semi_axes for one in ellipsoids], radii))),
+        "stands": [pose.stands and bool(robot.feet) for pose in poses],
+        "grounded": any(pose.grounded for pose in poses),
         "slope": list(run.terrain.slope),
         "boards": [_surface(one) for one in board_surfaces(run.terrain)],
         "soles": [*_soles(run)],
