@@ -303,8 +303,6 @@ def test_what_the_search_cannot_keep_is_refused(hoap2) -> None:
     ball.move(np.eye(3), [1.0, 0.0, 0.0], velocity=[0.1, 0.0, 0.0])
     with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
         shaping.solve(hoap2.posture(), 1, workers=1)
-    with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
-        shaping_of(hoap2, [small(hoap2)], around)
 
     class Unknown(Constraint):
         name = "mine"

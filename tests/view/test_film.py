@@ -77,12 +77,7 @@ def test_a_gif_at_a_rate_that_it_does_not_have_takes_as_long_as_the_run(
 
 def test_layers_are_left_out(result: Result, tmp_path: Path) -> None:
     bare = View.of("left", "robot")
-    short = type(result.history)(
-        **{**vars(result.history), "time": result.history.time[:1], "q": result.history.q[:1],
-           "errors": {}, "inertia": result.history.inertia[:1], "phase": result.history.phase[:1],
-           "support": result.history.support[:1], "balance": result.history.balance[:1],
-           "clearance": {}, "active": {}, "points": {}, "targets": {}}
-    )  # fmt: skip
+    short = SimpleNamespace(time=result.history.time[:1], q=result.history.q[:1], errors={})
     film_run(result.robot, short, tmp_path / "a.gif", title="x", fps=2, size=SMALL, view=bare)
     with Image.open(tmp_path / "a.gif") as film:
         pixels = np.asarray(film.convert("RGB")).astype(int)

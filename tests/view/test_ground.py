@@ -48,15 +48,6 @@ def test_grid_lines_lie_on_the_slope(ground: float) -> None:
     assert shades(picture, camera, lines).max() < shades(picture, camera, between).min() - 0.02
 
 
-def test_level_ground_is_not_where_a_slope_is() -> None:
-    camera = camera_at(0.5, 0.3)
-    level, sloped = (
-        ground_picture(scene_on(Terrain(slope=slope)), camera, 1)[0]
-        for slope in ((0.0, 0.0), SLOPE)
-    )
-    assert np.abs(level - sloped).max() > 0.02
-
-
 @pytest.mark.parametrize("slope", [(0.0, 0.0), SLOPE])
 def test_what_is_seen_of_a_board_is_on_it_and_above_the_plane(slope: tuple[float, float]) -> None:
     """Each point that the depth tells is on a face of the box, and none below the slope is told."""

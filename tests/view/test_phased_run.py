@@ -1,27 +1,18 @@
 """The figure of a run in phases: a portrait for each, and phases marked in every plot."""
 
-from dataclasses import dataclass, replace
+from types import SimpleNamespace as Run
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.view import run_figure
 
-Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Run:
-    time: Array
-    q: Array
-    errors: dict[str, Array]
-    phase: object
-    support: object = None
-    balance: object = None
+def changed(run: Run, **changes: object) -> Run:
+    return Run(**vars(run) | changes)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +25,8 @@ def run(hoap2: Robot) -> Run:
     phase = np.array(["down"] * 10 + ["over"] * 15 + ["up"] * 6)
     support = np.where(phase == "over", "right", "left,right")
     errors = {"com": np.full((31, 3), 1e-3), "foot": np.full((31, 6), np.nan)}
-    return Run(time, q, errors, phase, support, 0.03 - 0.01 * np.sin(time))
+    balance = 0.03 - 0.01 * np.sin(time)
+    return Run(time=time, q=q, errors=errors, phase=phase, support=support, balance=balance)
 
 
 def titles(figure: Figure) -> list[str]:
@@ -69,7 +61,7 @@ def test_every_phase_is_drawn_and_marked(hoap2: Robot, run: Run) -> None:
 
 
 def test_long_names_are_shortened(hoap2: Robot, run: Run) -> None:
-    figure = run_figure(hoap2, replace(run, phase=["x" * 200] * 31), title="")
+    figure = run_figure(hoap2, changed(run, phase=["x" * 200] * 31), title="")
     assert titles(figure)[1].startswith(f"1  {'x' * 19}…, 3.0 s")
     assert plots(figure)[0].texts[-1].get_text() == f"1  {'x' * 19}…"
     wide = [axes.get_position().width for axes in figure.axes if axes.get_images()]
@@ -78,7 +70,8 @@ def test_long_names_are_shortened(hoap2: Robot, run: Run) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_a_single_tick_is_drawn(hoap2: Robot, run: Run) -> None:
-    one = Run(run.time[:1], run.q[:1], {"com": run.errors["com"][:1]}, ["down"], None, [0.03])
+    errors = {"com": run.errors["com"][:1]}
+    one = Run(time=run.time[:1], q=run.q[:1], errors=errors, phase=["down"], balance=[0.03])
     figure = run_figure(hoap2, one, title="")
     assert plots(figure)[0].texts[0].get_text() == "least 30.0 mm"
 
@@ -86,7 +79,7 @@ def test_a_single_tick_is_drawn(hoap2: Robot, run: Run) -> None:
 @pytest.mark.slow
 def test_without_feet_there_is_no_plot_of_balance(hoap2: Robot, run: Run) -> None:
     for balance in (None, np.full(31, np.nan)):
-        figure = run_figure(hoap2, replace(run, balance=balance, support=None), title="")
+        figure = run_figure(hoap2, changed(run, balance=balance, support=None), title="")
         moments, errors = plots(figure)
         assert moments.get_title(loc="left") == ""  # the names of the phases are there
         assert errors.get_title(loc="left") == "Task errors"
@@ -94,7 +87,7 @@ def test_without_feet_there_is_no_plot_of_balance(hoap2: Robot, run: Run) -> Non
 
 
 def test_no_names_are_no_phases(hoap2: Robot, run: Run) -> None:
-    figure = run_figure(hoap2, replace(run, phase=[""] * 31), title="")
+    figure = run_figure(hoap2, changed(run, phase=[""] * 31), title="")
     assert titles(figure) == ["before, t = 0 s", "after, t = 3 s"]
 
 
@@ -110,4 +103,4 @@ def test_what_does_not_fit_is_refused(
     hoap2: Robot, run: Run, changes: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        run_figure(hoap2, replace(run, **changes), title="")
+        run_figure(hoap2, changed(run, **changes), title="")

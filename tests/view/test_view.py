@@ -2,8 +2,8 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace as Run
 from typing import Any
 
 import numpy as np
@@ -27,18 +27,6 @@ Array = NDArray[np.float64]
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 
-@dataclass(frozen=True)
-class Run:
-    time: Array
-    q: Array
-    errors: dict[str, Array]
-
-
-@dataclass(frozen=True)
-class RunWithInertia(Run):
-    inertia: Array
-
-
 @pytest.fixture(scope="module")
 def run(hoap2: Robot) -> Run:
     start = hoap2.postures["standing"]
@@ -54,7 +42,7 @@ def run(hoap2: Robot) -> Run:
         "left foot": np.zeros((21, 6)),
         "head": np.where(time < 1.0, np.nan, 0.25),  # one number a time; inactive at first
     }
-    return Run(time, q, errors)
+    return Run(time=time, q=q, errors=errors)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +99,7 @@ def test_errors_are_norms_over_time(run: Run, figure: Figure) -> None:
 
 def test_inertias_of_the_history_are_used_if_given(hoap2: Robot, run: Run) -> None:
     inertia = np.tile([0.3, 0.1, 0.0, 0.3, 0.0, 0.35], (2, 1))  # moments 0.2, 0.35, 0.4
-    given = RunWithInertia(run.time[:2], run.q[:2], {}, inertia)
+    given = Run(time=run.time[:2], q=run.q[:2], errors={}, inertia=inertia)
     moments = run_figure(hoap2, given, title="given").axes[3]
     np.testing.assert_allclose(
         [line.get_ydata() for line in moments.lines], [[0.2] * 2, [0.35] * 2, [0.4] * 2], rtol=1e-12
@@ -120,7 +108,8 @@ def test_inertias_of_the_history_are_used_if_given(hoap2: Robot, run: Run) -> No
 
 @pytest.mark.slow
 def test_the_same_run_gives_the_same_file(hoap2: Robot, run: Run, tmp_path: Path) -> None:
-    short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
+    errors = {"inertia": run.errors["inertia"][:2]}
+    short = Run(time=run.time[:2], q=run.q[:2], errors=errors)
     paths = [tmp_path / "first.png", tmp_path / "second.png"]
     for path in paths:
         plot_run(hoap2, short, path, title="twice")
@@ -177,7 +166,7 @@ def test_a_history_that_does_not_fit_is_refused(
 ) -> None:
     values = {"time": run.time[:2], "q": run.q[:2], "errors": {}, "inertia": np.zeros((2, 6))}
     with pytest.raises(InvalidInputError, match=message):
-        run_figure(hoap2, RunWithInertia(**{**values, **changes}), title="")
+        run_figure(hoap2, Run(**{**values, **changes}), title="")
 
 
 @pytest.mark.parametrize(

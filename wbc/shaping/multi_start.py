@@ -57,17 +57,12 @@ class StoppingRule:
             if result.cost * self._scale <= ZERO_COST:
                 self._zero_costs = sorted([*self._zero_costs, number])
         while self._settled_at is None and self.contiguous in self.found:
-            self._advance(self.contiguous)
+            one, at = self.found[self.contiguous], self.contiguous
+            if isinstance(one, Candidate) and one.cost < (1.0 - IMPROVEMENT) * self._record:
+                self._record, self._record_at = one.cost, at
+            if self._patience is not None and self._record < float("inf"):
+                self._settled_at = at if at >= self._record_at + self._patience else None
             self.contiguous += 1
-
-    def _advance(self, number: int) -> None:
-        """Process the next result in the order of the starts."""
-        result = self.found[number]
-        if isinstance(result, Candidate) and result.cost < (1.0 - IMPROVEMENT) * self._record:
-            self._record, self._record_at = result.cost, number
-        found_any = self._record < float("inf")
-        if self._patience is not None and found_any and number >= self._record_at + self._patience:
-            self._settled_at = number
 
     @property
     def last(self) -> int | None:

@@ -137,22 +137,16 @@ class SeparatedIpopt:
                 break
             x = local.x
             if not separated:
-                x = self._is_free(start, x)
+                # From near the start, if anything but standing itself is free there: starts differ,
+                # and may have been chosen well. Else from near the first answer.
+                near, share = self._retreat(start.x, start.p)
+                x = near if share < 1.0 else self._retreat(x, start.p)[0]
             elif not local.optimal:
                 x, _ = self._retreat(x, start.p)
             separated = True
             local = self._round(start._replace(x=x), left)
             iterations += local.iterations
         return local._replace(iterations=iterations)
-
-    def _is_free(self, start: Start, first: Array) -> Array:
-        """Return where to go on from when the first answer brings bodies too near.
-
-        From near the start, if anything but standing itself is free there: starts differ, and may
-        have been chosen well. Else from near the first answer.
-        """
-        x, share = self._retreat(start.x, start.p)
-        return x if share < 1.0 else self._retreat(first, start.p)[0]
 
     def _retreat(self, x: Array, p: Array) -> tuple[Array, float]:
         """Return the first x on the line to standing at which no pair is near, or the best there.
