@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.axes import are_distinct, follow, track, turning_rate
-
-Array = NDArray[np.float64]
+from wbc.validate import Array
 
 
 def turn(axis: Array, angles: Array) -> Array:

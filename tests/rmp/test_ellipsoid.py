@@ -4,7 +4,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.ellipsoid import (
@@ -14,8 +13,7 @@ from wbc.rmp.ellipsoid import (
     reaction_mass_radii,
     second_moment,
 )
-
-Array = NDArray[np.float64]
+from wbc.validate import Array
 
 # Rounding of a handful of operations on 3x3 matrices, relative to their size.
 EXACT = 1e-12

@@ -3,15 +3,14 @@
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.rmp_drift import compare_paths, measure_drift
 from benchmarks.rmp_steps import Springs, energy_momentum, rollout, runge_kutta
 from wbc.errors import InvalidInputError
 from wbc.rmp import integrators
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G = 20.0, 9.81
 SOLID, ANGLES = SolidRmp(M, G), EulerSolidRmp(M, G)
 SPRINGS = Springs(leg=4000.0, leg_rest=1.0, masses=3000.0, masses_rest=np.array((0.3, 0.35, 0.4)))

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.planar import PlanarRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G = 21.5, 9.81
 # Rounding of some hundred operations on numbers up to a thousand.
 EXACT = {"rtol": 1e-11, "atol": 1e-9}

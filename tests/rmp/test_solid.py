@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G = 21.5, 9.81
 GRAVITY = np.array((0.0, 0.0, -G))
 # Rounding of some hundred operations on numbers up to a thousand.

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.formats.triangles import Triangles
 from wbc.simulation import Step, Terrain
+from wbc.validate import Array
 from wbc.view.solids import board_surfaces
 
-Array = NDArray[np.float64]
 STEP = Step(centre=(1.0, 0.5, 0.3), size=(0.2, 0.4, 0.1), yaw=0.3)
 TERRAIN = Terrain(steps=(STEP, Step(centre=(9.0, 0.0, 0.02), size=(0.6, 2.0, 0.02))))
 

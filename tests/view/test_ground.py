@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot.geometry import Mesh
 from wbc.simulation import Step, Terrain
+from wbc.validate import Array
 from wbc.view.camera import Camera
 from wbc.view.ground import ground_picture
 from wbc.view.render import render
 from wbc.view.scene import Scene
 
-Array = NDArray[np.float64]
 BALL = Ellipsoid(np.full(3, 0.5), np.eye(3), 1.0)  # a picture 1 m large, lines every 0.2 m
 SLOPE = (0.25, -0.15)
 BOX = Step(centre=(0.0, 0.0, 0.1), size=(0.4, 0.3, 0.2), yaw=0.4)

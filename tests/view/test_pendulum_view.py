@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
 from tests.view.reading import plots, require_apart
 from wbc.problem.pendulum.result import PendulumHistory, Support
+from wbc.validate import Array
 from wbc.view import style
 from wbc.view.pendulum import pendulum_figure
 
-Array = NDArray[np.float64]
 SOLE = np.array(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
 
 

@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot.geometry import Mesh
+from wbc.validate import Array
 from wbc.view.camera import NOTHING, Camera, rasterise
 from wbc.view.render import lay_ellipsoid, render
 from wbc.view.scene import Scene, principal_sections, silhouette, surface_points
-
-Array = NDArray[np.float64]
 
 
 def some_camera(width: int = 40, height: int = 30) -> Camera:

@@ -10,19 +10,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 import wbc.view
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
+from wbc.validate import Array
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure
 from wbc.view.portrait import Pose, portraits_of
 from wbc.view.series import spread
 from wbc.view.style import save
-
-Array = NDArray[np.float64]
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 

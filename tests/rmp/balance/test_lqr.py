@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
@@ -16,8 +15,8 @@ from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G = 20.0, 9.81
 PLANAR, SOLID = PlanarRmp(M, G), SolidRmp(M, G)
 UP_PLANAR = np.array((0.05, np.pi / 2, 0.9, 0.4, 0.35))

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, polygon_margin
 from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, Z, G = 35.0, 0.7, 9.81
 OMEGA = np.sqrt(G / Z)
 SOLE = np.array(((-0.08, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.08, 0.1)))

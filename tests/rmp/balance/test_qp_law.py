@@ -6,7 +6,6 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.push_recovery import largest_impulses, recover, standing, survives
@@ -23,8 +22,8 @@ from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.ground import centre_of_pressure
 from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation_vector
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 DT = 2e-3
 # A G1 with both soles side by side; a larger robot, its CoM off the middle, three unlike radii.
 BODIES = {

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, SolverError
@@ -13,8 +12,8 @@ from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import Blow, simulate, velocity_jump
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G = 20.0, 9.81
 PLANAR, SOLID = PlanarRmp(M, G), SolidRmp(M, G)
 Q_PLANAR = np.array((0.1, 1.4, 0.9, 0.3, 0.35))

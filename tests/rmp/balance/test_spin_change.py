@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import LawBounds, Pendulum
@@ -11,8 +10,8 @@ from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.spin_change import SpinChange, reachable_spins
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M = 20.0
 PLANAR, SOLID = PlanarRmp(M), SolidRmp(M)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))

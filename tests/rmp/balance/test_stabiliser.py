@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.region_of_attraction import lean_grid, rest_error
@@ -14,8 +13,8 @@ from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.stabiliser import PointStabiliser, StabiliserGains
 from wbc.rmp.ground import centre_of_pressure
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 M, G, Z, TORQUE = 35.0, 9.81, 0.7, 50.0
 RADII = np.full(3, 0.3)
 BOUNDS = LawBounds(wheel_torque=TORQUE, leg_force=(50.0, 600.0))

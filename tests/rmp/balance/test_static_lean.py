@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import LawBounds, PendulumCommand
@@ -13,8 +12,8 @@ from wbc.rmp.balance.simulate import Blow, Simulation, simulate
 from wbc.rmp.balance.static_lean import StaticLean
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 G, LENGTH, RADIUS = 9.81, 0.9, 0.35
 RATE, ANGLE = LawBounds(wheel_rate=30.0), LawBounds(wheel_angle=20.0)
 # dq and v: leg, wheel, length and radius all off.

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import LawBounds, PendulumCommand
@@ -13,8 +12,8 @@ from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.swing_up import SwingUp
 from wbc.rmp.planar import Held, PlanarRmp
 from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
 
-Array = NDArray[np.float64]
 G = 9.81
 # Mass, leg, wheel: inertias of the wheel from a hundredth to half of the leg's.
 BODIES = {
