@@ -48,9 +48,7 @@ def test_a_wrench_given_at_another_point_is_the_same_wrench(rng: np.random.Gener
 
 
 @pytest.mark.parametrize("height", [0.0, 0.4])
-def test_cop_and_moment_that_made_the_push_are_found(
-    rng: np.random.Generator, height: float
-) -> None:
+def test_cop_and_moment_that_made_the_push_are_found(rng, height: float) -> None:
     """Paper 8.1 forwards: k'_c = (p - c) x f_r + m_r with m_r along the normal."""
     com, force = pushes(rng, 30)
     cop = np.column_stack((rng.normal(size=(30, 2)), np.full(30, height)))

@@ -138,9 +138,7 @@ def test_newton_and_euler(model: SolidRmp, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_angles_and_body_rates_describe_one_motion(
-    model: SolidRmp, euler: EulerSolidRmp, seed: int
-) -> None:
+def test_angles_and_body_rates_describe_one_motion(model, euler, seed: int) -> None:
     q, v, a = state(seed)
     rng = np.random.default_rng(seed)
     angles, rates, changes = rng.uniform(-1.2, 1.2, 3), rng.normal(size=3), rng.normal(size=3)
@@ -209,9 +207,7 @@ def test_the_planar_pendulum_is_a_slice(seed: int) -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("seed", range(10))
-def test_a_hip_leaves_the_ground_only_a_vertical_moment(
-    model: SolidRmp, seed: int, side: float
-) -> None:
+def test_a_hip_leaves_the_ground_only_a_vertical_moment(model, seed: int, side: float) -> None:
     """k_G' = (p - c) x f_r + m n, n vertical (theory of the CoP); k_G' is the hip's torque.
 
     Also where the leg points down (side -1), as on a ceiling.

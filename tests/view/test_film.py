@@ -61,9 +61,7 @@ def test_a_film_is_as_long_as_the_run_and_always_the_same(result: Result, tmp_pa
 
 
 @pytest.mark.parametrize("fps", [15, 30, 40])
-def test_a_gif_at_a_rate_that_it_does_not_have_takes_as_long_as_the_run(
-    tmp_path: Path, fps: int
-) -> None:
+def test_a_gif_at_a_rate_that_it_does_not_have_takes_as_long_as_the_run(tmp_path, fps: int) -> None:
     def figure() -> SimpleNamespace:
         drawn = SimpleNamespace(figure=Figure((1, 1)))
         drawn.draw = lambda row: drawn.figure.text(0.1, 0.1 + row / 300, row)
@@ -124,17 +122,13 @@ def test_rows_are_the_run_at_its_own_speed() -> None:
         ({"size": ("a", 3)}, "expected numbers"),
     ],
 )
-def test_bad_numbers_are_refused(
-    result: Result, tmp_path: Path, named: dict[str, object], words: str
-) -> None:
+def test_bad_numbers_are_refused(result, tmp_path, named: dict[str, object], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         film_run(result.robot, result.history, tmp_path / "a.gif", title="x", **named)  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())
 
 
-def test_places_are_checked(
-    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_places_are_checked(result, tmp_path, monkeypatch) -> None:
     with pytest.raises(InvalidInputError, match=r"written as \.gif or \.mp4"):
         film_format("a.avi")
     monkeypatch.setattr("wbc.view.film.FFMpegWriter.isAvailable", lambda: False)

@@ -106,9 +106,7 @@ def test_a_pendulum_comes_back(moved: PendulumResult, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["com", "support_times", "support_0"])
-def test_half_a_pendulum_is_refused_by_what_it_lacks(
-    moved: PendulumResult, tmp_path: Path, name: str
-) -> None:
+def test_half_a_pendulum_is_refused_by_what_it_lacks(moved, tmp_path, name: str) -> None:
     path = tmp_path / "p.npz"
     moved.save(path)
     with np.load(path) as archive:
@@ -171,9 +169,7 @@ with open(sys.argv[-1], "w") as file:
 """
 
 
-def test_an_mp4_is_what_ffmpeg_makes_of_the_pictures(
-    moved: PendulumResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_mp4_is_what_ffmpeg_makes_of_the_pictures(moved, tmp_path, monkeypatch) -> None:
     """A program in ffmpeg's place tells what it is given: every picture, whole, at the rate."""
     stub = tmp_path / "ffmpeg"
     stub.write_text(FFMPEG.format(python=sys.executable))

@@ -99,8 +99,6 @@ def test_no_names_are_no_phases(hoap2: Robot, run: Run) -> None:
         ({"balance": [0.1]}, "history: balance: expected numbers, one row for each time"),
     ],
 )
-def test_what_does_not_fit_is_refused(
-    hoap2: Robot, run: Run, changes: dict[str, object], message: str
-) -> None:
+def test_what_does_not_fit_is_refused(hoap2, run, changes: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         run_figure(hoap2, changed(run, **changes), title="")

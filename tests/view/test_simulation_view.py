@@ -90,9 +90,7 @@ def test_without_pushes_the_robot_is_drawn_now_and_then(hoap2: Robot, arrays: Ar
 
 
 @pytest.mark.slow
-def test_the_ground_is_that_of_the_simulation(
-    hoap2: Robot, arrays: Arrays, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_ground_is_that_of_the_simulation(hoap2, arrays, monkeypatch) -> None:
     scenes: list[Scene] = []
 
     def remembered(scene: Scene, camera: Camera) -> Picture:

@@ -184,9 +184,7 @@ def test_what_cannot_be_drawn_or_drawn_into_is_refused(
 
 
 @pytest.mark.parametrize("name", ["run.gif", "run", "run.png.txt"])
-def test_other_suffixes_are_refused_by_name(
-    hoap2: Robot, run: Run, tmp_path: Path, name: str
-) -> None:
+def test_other_suffixes_are_refused_by_name(hoap2, run, tmp_path, name: str) -> None:
     for call in (
         lambda path: plot_run(hoap2, run, path, title=""),
         lambda path: plot_robot(hoap2, {"a": run.q[0]}, path),

@@ -82,9 +82,7 @@ def test_at_rest_it_holds(law: PointStabiliser) -> None:
 # ------------------------------------------------------------------ the chain
 
 
-def test_momentum_and_com_are_the_chain_of_integrators_that_the_law_is_built_on(
-    law: PointStabiliser,
-) -> None:
+def test_momentum_and_com_are_the_chain_of_integrators_that_the_law_is_built_on(law) -> None:
     (start,) = lean_grid(REST, [0.08], [-0.06])
     motion = simulate(law, start[:12], start[12:], 1.0, dt=1e-3, bounds=BOUNDS)
     k_P = np.array([law.model.momenta(q, v)[1] for q, v in zip(motion.q, motion.v, strict=True)])
@@ -117,9 +115,7 @@ def test_beyond_the_torque_no_law_helps(law: PointStabiliser) -> None:
 
 
 @pytest.mark.parametrize("rate", [15.0, -25.0])
-def test_masses_that_spin_fast_are_stopped_where_a_regulator_falls(
-    law: PointStabiliser, rate: float
-) -> None:
+def test_masses_that_spin_fast_are_stopped_where_a_regulator_falls(law, rate: float) -> None:
     v = np.zeros(11)
     v[6] = rate
     assert came_to_rest(run(law, REST, v))
@@ -177,9 +173,7 @@ def test_unusable_gains_are_refused(gains: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize("theta", [0.0, np.pi, -np.pi / 2])
-def test_a_leg_on_or_below_the_ground_still_gets_numbers(
-    law: PointStabiliser, theta: float
-) -> None:
+def test_a_leg_on_or_below_the_ground_still_gets_numbers(law, theta: float) -> None:
     q = REST.copy()
     q[2] = theta
     assert np.isfinite(law.command(q, np.ones(11), 0.0).force).all()

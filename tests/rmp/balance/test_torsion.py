@@ -122,9 +122,7 @@ def test_laws_that_cannot_keep_it_say_so(law: Callable[[LawBounds], BalanceLaw])
 
 @laws
 @pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
-def test_a_state_that_is_none_is_refused(
-    law: Callable[[LawBounds], BalanceLaw], broken: np.ndarray
-) -> None:
+def test_a_state_that_is_none_is_refused(law, broken: np.ndarray) -> None:
     made = law(LawBounds(wheel_torque=50.0))
     for q, v in ((broken, np.zeros(5)), (UPRIGHT, broken)):
         with pytest.raises(InvalidInputError):

@@ -28,9 +28,7 @@ def test_examples_are_in_order_between_knots(name: str, planned: Planned) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
-def test_flight_is_a_parabola_with_constant_momentum_and_energy(
-    name: str, planned: Planned
-) -> None:
+def test_flight_is_a_parabola_with_constant_momentum_and_energy(name: str, planned) -> None:
     plan = planned(name)
     start, end = plan.starts[1:3]
     m = plan.at(np.linspace(start, end - 1e-9, 50))

@@ -108,9 +108,7 @@ def test_up_a_slope_the_point_is_on_it(hill: Stage, robot: wbc.Robot) -> None:
 
 
 @pytest.mark.parametrize("where", [(3.03, -2.18), (40.0, 7.7)])
-def test_the_grid_goes_along_and_its_lines_stay(
-    hill: Stage, robot: wbc.Robot, where: tuple[float, float]
-) -> None:
+def test_the_grid_goes_along_and_its_lines_stay(hill, robot, where: tuple[float, float]) -> None:
     show(hill, robot, 0.0, *where)
     grid = hill.handle("/ground/grid")
     turn = rotation_of(grid)

@@ -1,7 +1,6 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,9 +25,7 @@ def controller(robot: wbc.Robot) -> wbc.KinematicController:
     )
 
 
-def test_links_and_ellipsoid_are_where_the_robot_is(
-    stage: Stage, controller: wbc.KinematicController
-) -> None:
+def test_links_and_ellipsoid_are_where_the_robot_is(stage, controller) -> None:
     robot = controller.robot
     rng = np.random.default_rng(0)
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
@@ -43,9 +40,7 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
     np.testing.assert_allclose(stretched, wanted, atol=1e-9)
 
 
-def test_a_human_is_beside_the_robot(
-    stages: Callable[..., Stage], controller: wbc.KinematicController
-) -> None:
+def test_a_human_is_beside_the_robot(stages, controller) -> None:
     human, rng = human_robot(HumanBody.of(1.75, 70.0, "male")), np.random.default_rng(1)
     stage = stages(beside=human)
     q = human.integrate(human.posture("neutral"), 0.3 * rng.normal(size=human.nv), 1.0)
@@ -54,9 +49,7 @@ def test_a_human_is_beside_the_robot(
     stage.require_placed("human", human.snapshot(q))
 
 
-def test_six_masses_have_the_inertia_of_the_robot(
-    stage: Stage, controller: wbc.KinematicController
-) -> None:
+def test_six_masses_have_the_inertia_of_the_robot(stage, controller) -> None:
     robot, snapshot = controller.robot, stage.show(controller)
     inertia = np.zeros((3, 3))
     for k in range(3):
@@ -66,9 +59,7 @@ def test_six_masses_have_the_inertia_of_the_robot(
     np.testing.assert_allclose(inertia, snapshot.inertia, rtol=1e-6, atol=1e-9)
 
 
-def test_a_layer_that_is_hidden_is_drawn_when_it_is_shown(
-    stage: Stage, controller: wbc.KinematicController
-) -> None:
+def test_a_layer_that_is_hidden_is_drawn_when_it_is_shown(stage, controller) -> None:
     moved = stage.show(controller).q + np.eye(controller.robot.nq)[0]
     there = stage.handle("/ellipsoid/surface").position.copy()
     stage.handle("/ellipsoid").visible = False

@@ -99,9 +99,7 @@ def tell_drag(
 
 
 @pytest.mark.parametrize("far", [0.0, 3.0])
-def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(
-    grabbable: Stage, robot: Robot, far: float
-) -> None:
+def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(grabbable, robot, far: float) -> None:
     q = robot.integrate(robot.posture("standing"), np.full(robot.nv, 0.1), 1.0)
     q[0] += far
     grabbable.draw(Frame(0.0, q, np.zeros(robot.nv)))

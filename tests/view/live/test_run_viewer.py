@@ -5,7 +5,6 @@ import pytest
 
 import wbc
 from tests.problem.loading import problem_of
-from tests.view.live.conftest import Stage
 from wbc.problem.problem import Problem
 from wbc.robot import Robot
 from wbc.run.result import Result
@@ -39,9 +38,7 @@ def alone(problem: Problem) -> Result:
 
 
 @pytest.mark.slow
-def test_it_is_the_same_run(
-    problem: Problem, alone: Result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_the_same_run(problem, alone, monkeypatch) -> None:
     """To the bit, even if somebody tries to steer."""
     watching = RunViewer(problem.parts.robot)
     viewer = watching.viewer
@@ -75,9 +72,7 @@ def test_frames_of_a_run(alone: Result) -> None:
     assert not np.isnan(np.concatenate(list(frames[0].told.errors.values()))).any()  # type: ignore[union-attr]
 
 
-def test_a_replay_takes_the_place_of_what_was_seen(
-    stage: Stage, problem: Problem, alone: Result
-) -> None:
+def test_a_replay_takes_the_place_of_what_was_seen(stage, problem, alone) -> None:
     """And knows of each time who was held then."""
     frames = frames_of(alone.history)
     robot = stage.page._robot

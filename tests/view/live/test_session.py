@@ -68,9 +68,7 @@ def test_without_a_user_it_is_the_run_itself(problem: Problem, viewer: Viewer, s
 
 
 @pytest.mark.slow
-def test_a_dragged_target_is_followed_and_given_back(
-    problem: Problem, viewer: Viewer, seen: Seen
-) -> None:
+def test_a_dragged_target_is_followed_and_given_back(problem, viewer, seen) -> None:
     """Over the ramp of the file, which moves the same target in every tick."""
     session = Session(problem, viewer, Clock(0.0))
     session.run(1)

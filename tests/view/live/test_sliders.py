@@ -69,9 +69,7 @@ def test_giving_back(stage: Stage, controller: wbc.KinematicController) -> None:
     assert stage.gui("shape").value == 0.0
 
 
-def test_another_controller_has_other_sliders(
-    stage: Stage, controller: wbc.KinematicController
-) -> None:
+def test_another_controller_has_other_sliders(stage, controller) -> None:
     robot, q = controller.robot, stage.show(controller).q
     other = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)])
     stage.show(other, time=0.1)

@@ -42,9 +42,7 @@ def test_targets_are_set_and_given_back(controller: wbc.KinematicController) -> 
     np.testing.assert_array_equal(hand.rotation, turn)
 
 
-def test_the_user_stands_over_a_ramp_which_goes_on_underneath(
-    controller: wbc.KinematicController,
-) -> None:
+def test_the_user_stands_over_a_ramp_which_goes_on_underneath(controller) -> None:
     com, steering = controller.tasks[0], TargetControls()
     wanted, start = com.target + 0.05, com.target
     steering.receive(SetTarget("com", (wanted,)), controller)

@@ -56,9 +56,7 @@ def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.M
     assert [one.terrain for one in told] == [LEVEL, terrain, terrain]
 
 
-def test_the_page_is_sent_updates_in_order_and_the_last_one(
-    viewer: Viewer, robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_is_sent_updates_in_order_and_the_last_one(viewer, robot, monkeypatch) -> None:
     snapshot, sent = robot.snapshot(robot.posture("standing")), list[float]()
     ends = {-1.0: threading.Event(), 19_999.0: threading.Event()}
 

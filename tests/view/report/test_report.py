@@ -16,7 +16,6 @@ from tests.problem.loading import problem_of
 from tests.texts import REACH
 from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes
 from wbc.run import Result
 from wbc.simulation import Step, Terrain
@@ -128,9 +127,7 @@ def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:
 
 
 @pytest.mark.slow
-def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(
-    g1: Robot, result: Result
-) -> None:
+def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(g1, result) -> None:
     """The robot with the finest meshes; its replay, without plots, which are 0.1 MB each."""
     q = np.tile(g1.posture("standing"), (2000, 1))
     run = read_history(

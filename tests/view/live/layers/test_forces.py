@@ -20,9 +20,7 @@ def standing(robot: wbc.Robot) -> wbc.TorqueController:
     )
 
 
-def test_arrows_carry_the_weight_from_inside_the_soles(
-    stage: Stage, standing: wbc.TorqueController
-) -> None:
+def test_arrows_carry_the_weight_from_inside_the_soles(stage, standing) -> None:
     robot, snapshot = standing.robot, stage.show(standing)
     arrows = stage.handle("/contact_forces/arrows")
     assert arrows.visible
@@ -48,9 +46,7 @@ def test_the_cop_drawn_is_that_of_the_tick(stage: Stage, standing: wbc.TorqueCon
     assert stage.handle("/leg_cop_cmp/cmp").visible
 
 
-def test_a_force_at_the_edge_of_its_cone_is_red(
-    stage: Stage, standing: wbc.TorqueController
-) -> None:
+def test_a_force_at_the_edge_of_its_cone_is_red(stage, standing) -> None:
     robot = standing.robot
     cast: ControllerInfo = controller_info(standing)
     frame = frame_at(standing, robot.posture("standing"), 0.0)

@@ -62,9 +62,7 @@ def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> 
     np.testing.assert_allclose(leg[0], cop, atol=1e-6)
 
 
-def test_feet_stand_on_slopes_and_boards_without_a_controller(
-    hill: Stage, robot: wbc.Robot, start: Array
-) -> None:
+def test_feet_stand_on_slopes_and_boards_without_a_controller(hill, robot, start) -> None:
     level = robot.posture("standing")
     level[[0, 2]] += (1.0, 0.15)
     flying = level + np.eye(robot.nq)[2] * 0.03

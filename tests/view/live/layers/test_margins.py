@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, frame_at
+from tests.view.live.conftest import frame_at
 from wbc.constraints.margin import SKIN
 from wbc.rotations import exp_rotation
 from wbc.view.live.layers.layer import surface_of
@@ -29,9 +29,7 @@ def careful(robot: wbc.Robot, ball: wbc.Obstacle) -> wbc.KinematicController:
     )
 
 
-def test_distances_and_margins_are_those_of_the_constraints(
-    stage: Stage, careful: wbc.KinematicController, ball: wbc.Obstacle
-) -> None:
+def test_distances_and_margins_are_those_of_the_constraints(stage, careful, ball) -> None:
     robot = careful.robot
     rng = np.random.default_rng(1)
     step = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)])
@@ -57,9 +55,7 @@ def test_distances_and_margins_are_those_of_the_constraints(
     assert np.linalg.norm(of_ball.ends[1] - ball.origin) == pytest.approx(0.05, abs=1e-6)
 
 
-def test_an_obstacle_moves_with_its_frame(
-    stage: Stage, careful: wbc.KinematicController, ball: wbc.Obstacle
-) -> None:
+def test_an_obstacle_moves_with_its_frame(stage, careful, ball) -> None:
     q = stage.show(careful).q
     node = stage.handle("/obstacles/ball")
     np.testing.assert_allclose(node.position, ball.origin, atol=1e-9)

@@ -37,9 +37,7 @@ def controller(robot: wbc.Robot, hands: tuple[str, str]) -> wbc.KinematicControl
     )
 
 
-def test_ghosts_are_at_the_targets(
-    stage: Stage, controller: wbc.KinematicController, hands: tuple[str, str]
-) -> None:
+def test_ghosts_are_at_the_targets(stage, controller, hands) -> None:
     robot, start = controller.robot, stage.show(controller)
     left, right = (stage.handle(f"/targets/{hand}") for hand in hands)
     np.testing.assert_allclose(left.position, start.position(hands[0]) + 0.1, atol=1e-9)
@@ -62,12 +60,7 @@ def test_an_inertia_that_no_body_has_is_not_drawn(stage: Stage, robot: wbc.Robot
     assert not stage.handle("/targets/ellipsoid inertia").visible
 
 
-def test_dragging_asks_for_targets(
-    stage: Stage,
-    controller: wbc.KinematicController,
-    hands: tuple[str, str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_dragging_asks_for_targets(stage, controller, hands, monkeypatch) -> None:
     monkeypatch.setattr("wbc.view.live.layers.targets.HELD", 1e3)  # a busy machine takes seconds
     q = stage.show(controller).q
     # The view follows a robot far away, and handles are told in the world's axes all the same.
