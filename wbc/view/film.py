@@ -180,10 +180,8 @@ def write_film(
                     if progress is not None:
                         progress(done, len(rows))
             part.replace(path)
-    except OSError as error:
+    except (OSError, subprocess.CalledProcessError) as error:  # that of ffmpeg on a full disk too
         raise InvalidInputError(f"{path}: cannot be written: {system_message(error)}") from error
-    except subprocess.CalledProcessError as error:  # of ffmpeg, on a full disk too
-        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
     return path
 
 

@@ -76,7 +76,6 @@ def _cop(axes: Axes, series: RmpSeries, plates: Comparison | None, frames: Seque
 
 
 def _momentum(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
-    """Plot the angular momentum by mass, height and the speed that height gives."""
     prepare(axes, series, frames, "Angular momentum by M h √(g h)", "")
     scale = momentum_scale(series)
     for k, colour in enumerate(XYZ):

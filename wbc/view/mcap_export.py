@@ -226,16 +226,13 @@ def transforms_schema() -> dict[str, Any]:
 
 def numbers(topic: Topic, k: int) -> dict[str, float | None]:
     """Return the numbers of a topic at tick ``k``, by name; what is not finite is None."""
-    return dict(zip(topic.entries, map(_finite, topic.values[k].tolist()), strict=True))
+    values = (value if math.isfinite(value) else None for value in topic.values[k].tolist())
+    return dict(zip(topic.entries, values, strict=True))
 
 
 def numbers_schema(topic: Topic) -> dict[str, Any]:
     """Return the JSON schema of a topic's messages."""
     return _object({name: {"type": ["number", "null"]} for name in topic.entries})
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _text(message: Any) -> bytes:

@@ -48,10 +48,9 @@ def draw_axes_rates(axes: Axes, history: PendulumHistory) -> None:
     time = history.time
     step = Rotation.from_matrix(history.axes[1:] @ history.axes[:-1].transpose(0, 2, 1))
     rate = step.as_rotvec() / np.diff(time)[:, None]
-    for (name, values), colour in zip(
-        _components(history, rate).items(), style.SERIES, strict=False
-    ):
-        axes.plot(0.5 * (time[1:] + time[:-1]), values, color=colour, linewidth=1.2, label=name)
+    middle, parts = 0.5 * (time[1:] + time[:-1]), _components(history, rate)
+    for (name, values), colour in zip(parts.items(), style.SERIES, strict=False):
+        axes.plot(middle, values, color=colour, linewidth=1.2, label=name)
     axes.set_ylim(*_at_least(axes.get_ylim(), LEAST_SPAN))
     _ticks(axes)
     _legend(axes, axes.get_lines(), 3)

@@ -183,7 +183,6 @@ def _phased_figure(robot: Robot, run: DrawableRun, title: str, view: View) -> Fi
 
 
 def _plots(run: DrawableRun) -> Iterator[Callable[[Axes], None]]:
-    """Yield the function of each plot, from the top."""
     if run.balance is not None:
         balance = run.balance
         yield lambda axes: _plot_balance(axes, run.time, balance)
@@ -200,7 +199,6 @@ def _plot_moments(axes: Axes, run: DrawableRun) -> None:
 def _draw_plots(
     axes: Sequence[Axes], run: DrawableRun, plots: Sequence[Callable[[Axes], None]]
 ) -> None:
-    """Draw the plots below each other, with one time axis."""
     for one, draw in zip(axes, plots, strict=True):
         for phase in run.phases[::2]:
             one.axvspan(phase.begins, phase.ends, color=BAND, linewidth=0.0, zorder=0)

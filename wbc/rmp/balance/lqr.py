@@ -213,7 +213,6 @@ def _open_loop(model: Pendulum, q0: Array, rest: Array, foot: bool) -> tuple[Arr
 
 
 def _largest_wanted(model: Pendulum, q0: Array) -> tuple[Array, Array]:
-    """Return the default errors and efforts."""
     leg, gravity = float(q0[model.LEG]), model.gravity or 1.0
     lean, turn, length = 0.1, 1.0, 0.05 * leg
     force = model.mass * gravity

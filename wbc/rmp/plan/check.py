@@ -172,7 +172,6 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
 
 
 def _ends(plan: Plan) -> list[Excess]:
-    """Return the errors at the goal and of the period."""
     problem, knots = plan.problem, plan.knots
     out = []
     for where, k, state in problem.waypoints:

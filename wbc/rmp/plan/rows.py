@@ -201,7 +201,6 @@ def linear_rows(
 
 
 def _supports(problem: PlanProblem, layout: PlanLayout, unit: float) -> Iterator[LinearRow]:
-    """Keep the CoP inside its support."""
     for phase, places in zip(problem.schedule, layout.phases, strict=True):
         if phase.support is None:
             continue

@@ -300,13 +300,9 @@ def hull(*feet: ArrayLike) -> Corners:
     """
     if not feet:
         raise InvalidInputError("hull: needs at least one foot")
-    points = np.vstack([_corners(foot) for foot in feet])
-    return tuple((float(x), float(y)) for x, y in convex_hull(points))
-
-
-def _corners(foot: ArrayLike) -> Array:
-    corners = real_array("foot", foot)
-    return finite_array("foot", corners, (max(len(np.atleast_1d(corners)), 1), 2))
+    given = [real_array("foot", foot) for foot in feet]
+    corners = [finite_array("foot", one, (max(len(np.atleast_1d(one)), 1), 2)) for one in given]
+    return tuple((float(x), float(y)) for x, y in convex_hull(np.vstack(corners)))
 
 
 def rectangle(x: float, y: float, length: float, width: float) -> Corners:

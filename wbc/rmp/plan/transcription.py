@@ -172,7 +172,6 @@ def first_guess(t: Transcription) -> Array:
 
 
 def _guessed_ends(problem: PlanProblem) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return the guessed first and last state by name."""
     start, goal, nominal = (
         state.values(problem.mass) for state in (problem.start, problem.goal, problem.nominal)
     )

@@ -148,17 +148,13 @@ class Page:
                 while self._pipe.poll():
                     self.receive(self._pipe.recv())
             if self.server.get_clients():
-                self._welcome()
+                if self._awaited:  # the first one sees all from the start: the run may be over
+                    self._awaited = False
+                    self.send(Restart())
                 began = time.thread_time()
                 self.draw()
                 # Sleep in proportion, to leave the processor to the control loop.
                 time.sleep((1.0 / SHARE - 1.0) * (time.thread_time() - began))
-
-    def _welcome(self) -> None:
-        """Start the recording from the beginning for the first browser: the run may be over."""
-        if self._awaited:
-            self._awaited = False
-            self.send(Restart())
 
     def receive(self, message: Frame | ControllerInfo | WholeRun) -> None:
         """Process a message."""

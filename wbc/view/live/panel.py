@@ -83,18 +83,13 @@ def _status(told: TickInfo) -> str:
 
 
 def _errors(shown: ShownFrame, told: TickInfo) -> str:
-    units = {}
-    if shown.cast is not None:
-        units = {task.name: _unit(task.units) for task in shown.cast.tasks}
+    tasks = () if shown.cast is None else shown.cast.tasks
+    units = {task.name: task.units[0] for task in tasks if len(set(task.units)) == 1}
     lines = [
         _line(escape(name), f"{np.linalg.norm(error):.3g} {escape(units.get(name, ''))}")
         for name, error in told.errors.items()
     ]
     return "".join(lines) or _NONE
-
-
-def _unit(units: tuple[str, ...]) -> str:
-    return units[0] if len(set(units)) == 1 else ""
 
 
 def _names(names: Iterable[str] | None) -> str:
