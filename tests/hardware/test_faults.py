@@ -6,6 +6,9 @@ import io
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
+import textwrap
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -419,6 +422,26 @@ def test_bytes_that_are_no_text_leave_the_keyboard_listening(
     wishes = [keyboard._wishes.get(timeout=10.0) for _ in range(3)]
     assert wishes == [Wish.ARM, Wish.STOP, Wish.SIT]
     assert said[0].startswith("not understood: ")
+
+
+def test_processes_forked_while_the_keyboard_waits_begin() -> None:
+    """At a terminal controller and log never began: no estimate, and no end after ``quit``."""
+    answer = """
+        import multiprocessing, os, time
+        from wbc.hardware.operator import Keyboard
+        Keyboard(print)
+        time.sleep(0.2)  # it waits for a line
+        context = multiprocessing.get_context("fork")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=theirs.send, args=("begun",))
+        process.start()
+        print(ours.recv() if ours.poll(10.0) else "waits for ever", flush=True)
+        process.kill()
+        os._exit(0)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(answer)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as run:
+        assert run.stdout is not None and run.stdout.read() == b"begun\n"
 
 
 def test_a_script_arms_stands_runs_sits_and_ends() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from io import TextIOWrapper
 from queue import Empty, SimpleQueue
@@ -51,8 +51,6 @@ class Keyboard:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._wishes: SimpleQueue[Wish] = SimpleQueue()
         self._say = say
-        if isinstance(sys.stdin, TextIOWrapper):  # an invalid byte must not end the thread
-            sys.stdin.reconfigure(errors="replace")
         threading.Thread(target=self._listen, name="keyboard", daemon=True).start()
 
     def ask(self, wish: Wish) -> None:
@@ -67,7 +65,7 @@ class Keyboard:
             return None
 
     def _listen(self) -> None:
-        for line in sys.stdin:
+        for line in _typed_lines():
             word = line.strip().lower()
             if not word:
                 self._wishes.put(Wish.STOP)
@@ -76,6 +74,22 @@ class Keyboard:
             else:
                 self._say(f"not understood: {word}; one of: {', '.join(Wish)}")
         self._wishes.put(Wish.SIT)  # the terminal is gone
+
+
+def _typed_lines() -> Iterable[str]:
+    """Return the lines of stdin as they are typed; invalid bytes are replaced.
+
+    A thread that waits in ``sys.stdin`` holds its lock, and a process that is forked meanwhile
+    waits for that lock before it begins: the controller would never answer. So this reads the
+    same descriptor through a file object of its own.
+    """
+    if not isinstance(sys.stdin, TextIOWrapper):
+        return sys.stdin or ()
+    try:
+        return open(sys.stdin.fileno(), errors="replace", closefd=False)
+    except OSError:  # no descriptor
+        sys.stdin.reconfigure(errors="replace")
+        return sys.stdin
 
 
 class Script:
