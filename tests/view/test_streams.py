@@ -123,17 +123,26 @@ def test_rerun_that_cannot_be_reached_or_written_is_refused(problem, wanted: str
         stream_of(problem.parts.robot, wanted)
 
 
-def test_rerun_to_which_nobody_listens_ends_in_an_error_instead_of_never(
-    problem, monkeypatch
-) -> None:
+def test_rerun_to_which_nobody_listens_is_refused_before_the_run(problem) -> None:
+    """After some thousand ticks its queue was full: the run hung, and no signal ended it."""
     pytest.importorskip("rerun")
-    monkeypatch.setattr("wbc.view.streams.FLUSH_TIME", 0.5)
     with closing(socket.socket()) as taken:  # a port at which nobody answers
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
+        with pytest.raises(InvalidInputError, match="nobody listens there; start a viewer first"):
+            stream_of(problem.parts.robot, f"rerun:rerun+http://127.0.0.1:{port}/proxy")
+
+
+def test_a_rerun_viewer_that_is_closed_meanwhile_is_told_at_the_end(problem, monkeypatch) -> None:
+    pytest.importorskip("rerun")
+    monkeypatch.setattr("wbc.view.streams.LOOK_TIME", 0.0)
+    monkeypatch.setattr("wbc.view.streams.FLUSH_TIME", 0.5)
+    with closing(socket.create_server(("127.0.0.1", 0))) as viewer:
+        port = viewer.getsockname()[1]
         stream = stream_of(problem.parts.robot, f"rerun:rerun+http://127.0.0.1:{port}/proxy")
-        with pytest.raises(WbcError, match="not all was sent"):
-            stream.close()
+    problem.run(show=stream.show)
+    with pytest.raises(WbcError, match="not all was sent: the viewer was closed meanwhile"):
+        stream.close()
 
 
 def test_a_package_that_is_missing_is_named(problem, monkeypatch) -> None:

@@ -8,8 +8,11 @@ URDF and ``/tf``, as of a recording. Rerun listens by itself; it is sent shapes 
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,8 +38,12 @@ from wbc.view.mcap_export import (
 )
 
 FOXGLOVE_PORT, LAST_PORT = 8765, 65535
-RERUN_URL = "rerun+http://127.0.0.1:9876/proxy"
+RERUN_PORT = 9876
+RERUN_URL = f"rerun+http://127.0.0.1:{RERUN_PORT}/proxy"
 FLUSH_TIME = 10.0  # s for sending the queue at the end: without a limit it blocks if nobody listens
+# Rerun's queue holds about a thousand ticks; once it is full and nobody listens, logging blocks for
+# ever, signals included. So a viewer is looked for before the run and every so often.
+ANSWER_TIME, LOOK_TIME = 2.0, 0.5  # s: for an answer, between looks
 GLASS = (120, 150, 220, 90)
 
 
@@ -107,7 +114,7 @@ class RerunStream:
     MissingPackageError
         rerun-sdk is not installed.
     InvalidInputError
-        The file cannot be written, or it is no address.
+        The file cannot be written, it is no address, or nobody listens there.
     """
 
     def __init__(self, robot: Robot, to: str = RERUN_URL) -> None:
@@ -116,13 +123,23 @@ class RerunStream:
 
         self.robot, self.where, self._rerun = robot, f"Rerun: {to}", rerun
         self._out = rerun.RecordingStream("wbc")
+        self._address: tuple[str, int] | None = None
+        self._looked, self._is_gone = time.monotonic(), False
         try:
             if to.endswith(".rrd"):
                 self._out.save(to)
             else:
                 self._out.connect_grpc(to)
+                parts = urlsplit(to)
+                self._address = parts.hostname or "", parts.port or RERUN_PORT
         except (RuntimeError, ValueError) as error:  # of rerun: no such folder, no address
             raise InvalidInputError(f"stream 'rerun:{to}': {error}") from error
+        if not self._is_heard():
+            self._out.disconnect()
+            raise InvalidInputError(
+                f"stream 'rerun:{to}': nobody listens there; start a viewer first, by the command"
+                " rerun, or write a file: --stream rerun:run.rrd"
+            )
         self._out.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         shapes = RobotMeshes(robot).in_joint_frames
         self._joints = sorted({joint for joint, _ in shapes})
@@ -135,7 +152,12 @@ class RerunStream:
             self._out.log(["robot", str(joint), f"{number} {mesh.name}"], shape, static=True)
 
     def show(self, now: LoopTick, controller: Controller | None = None) -> None:
-        """Send a tick."""
+        """Send a tick, unless the viewer is gone."""
+        if time.monotonic() - self._looked > LOOK_TIME:
+            self._looked = time.monotonic()
+            self._is_gone = self._is_gone or not self._is_heard()
+        if self._is_gone:
+            return
         rerun, snapshot = self._rerun, now.snapshot
         self._out.set_time("time", duration=now.time)
         rotations, origins = snapshot.joint_placements
@@ -166,11 +188,23 @@ class RerunStream:
             Not all was sent: nobody listens there, or the disk is full.
         """
         try:
+            if self._is_gone:
+                raise WbcError(f"{self.where}: not all was sent: the viewer was closed meanwhile")
             self._out.flush(timeout_sec=FLUSH_TIME)
         except RuntimeError as error:  # of rerun
             raise WbcError(f"{self.where}: not all was sent: {error}") from error
         finally:
             self._out.disconnect()
+
+    def _is_heard(self) -> bool:
+        """Return whether a viewer listens, or a file is written."""
+        if self._address is None:
+            return True
+        try:
+            socket.create_connection(self._address, ANSWER_TIME).close()
+        except OSError:
+            return False
+        return True
 
 
 def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:
