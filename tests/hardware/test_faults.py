@@ -32,6 +32,7 @@ from wbc.cli.hardware_run import _print, _printer
 from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Bus, BusError, Reading
 from wbc.hardware.loop import HardwareLoop
+from wbc.hardware.loop_result import NOT_RUN
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
@@ -174,6 +175,32 @@ def test_a_robot_that_was_long_away_stands_up_when_it_is_asked_to() -> None:
     rig.wanted.extend((Wish.ARM, Wish.STAND))
     rig.cycles(0.01)
     assert rig.safety.mode is Mode.STANDING_UP
+
+
+def test_run_on_the_way_up_begins_when_the_robot_is_up() -> None:
+    rig, said = Rig(), list[str]()
+    rig.loop._say = said.append
+    rig.wanted.extend((Wish.ARM, Wish.STAND, Wish.RUN, Wish.RUN))
+    rig.cycles(0.05)
+    assert rig.safety.mode is Mode.STANDING_UP and said.count("run: as soon as it is up") == 1
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.RUNNING
+
+
+def test_a_robot_that_is_up_and_not_run_goes_down_before_it_leans_too_far() -> None:
+    """It leant by 0.25 rad after three seconds, and fell when it was then asked to run."""
+    rig = Rig()
+    rig.wanted.extend((Wish.ARM, Wish.STAND))
+    rig.cycles(1.4)
+    assert rig.safety.mode is Mode.STANDING_UP
+    rig.cycles(0.5)
+    assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good
+    assert NOT_RUN in [event.what for event in rig.safety.events]
+    rig.wanted.append(Wish.STAND)  # and up again
+    rig.cycles(0.2)
+    rig.wanted.append(Wish.RUN)
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.RUNNING
 
 
 def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:

@@ -104,6 +104,8 @@ def run(
     voice = ThreadPoolExecutor(1)
     say = (lambda text: None) if quiet else _printer(voice)
     operator = Keyboard(say) if unattended is None else Script(unattended)
+    if unattended is None:
+        say(f"{robot} on {bus} {interface}: type {', '.join(Wish)}; an empty line stops at once")
     loop = loop_of(
         loaded,
         profile,

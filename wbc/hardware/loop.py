@@ -16,7 +16,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Bus, BusError, Command, Reading
 from wbc.hardware.log_row import log_fields, log_row
-from wbc.hardware.loop_result import LoopResult, is_fault
+from wbc.hardware.loop_result import NOT_RUN, LoopResult, is_fault
 from wbc.hardware.loop_state import LoopState
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
@@ -43,6 +43,9 @@ BEFORE, AFTER = 10.0, 1.0  # s logged before and after an event
 # Rows of the ring for cycles while it is written: at least [s], and as a ratio of its length.
 SPARE, SPARE_RATIO = 1.0, 0.1
 REST_TIME = 6.0  # s for a walk to come to rest
+# s in which a robot that stands up waits for run, the estimator's half a second among them: its
+# joints hold a posture but do not balance, and it leans, twice as far in about a second.
+UNBALANCED_TIME = 1.5
 FINAL_STOPS = 5  # damping commands sent when the loop ends
 
 
@@ -380,8 +383,19 @@ class HardwareLoop:
                 safety.soft_stop(time)
         elif safety.mode is Mode.SOFT_STOP and self._motions.down.is_over(time):
             safety.is_down(time)
+        elif safety.mode is state.mode is Mode.STANDING_UP and self._motions.up.is_over(time):
+            self._end_standing_up(time, is_up)
         if safety.mode is not state.mode:
             self._on_mode_change(safety.mode, time)
+
+    def _end_standing_up(self, time: float, is_up: bool) -> None:
+        """Run as soon as that is possible, if requested; else go down again before it leans."""
+        state = self._state
+        if is_up and state.runs_when_up:
+            self.safety.run(time)
+        elif self._motions.up.is_over(time - UNBALANCED_TIME):
+            error = f"no estimate: {state.error}" if state.error and not is_up else NOT_RUN
+            self.safety.soft_stop(time, error)
 
     def _report_refusal(self, refusal: str, time: float) -> None:
         """Report why a wish is refused, at most once a second for the same reason."""
@@ -397,8 +411,12 @@ class HardwareLoop:
             actions[wish](time)
         elif wish is Wish.RUN:
             if safety.mode is Mode.STANDING_UP and not is_up:
-                reason = f"no estimate: {state.error}" if state.error else "it is not up yet"
-                raise ForbiddenTransition(reason)
+                if state.error:
+                    raise ForbiddenTransition(f"no estimate: {state.error}")
+                if not state.runs_when_up:
+                    self._say("run: as soon as it is up")
+                state.runs_when_up = True
+                return
             safety.run(time)
         elif wish is Wish.SIT:
             if safety.mode is Mode.RUNNING:
@@ -421,7 +439,7 @@ class HardwareLoop:
         state.mode, state.mode_start = mode, time
         state.is_commanding = state.is_observing = False
         if mode is Mode.STANDING_UP:
-            state.answer, state.error = None, ""
+            state.answer, state.error, state.runs_when_up = None, "", False
             self._motions.up.end()
             self._motions.down.end()
         state.sit_deadline = None if mode is not Mode.RUNNING else state.sit_deadline

@@ -40,6 +40,7 @@ class LoopState:
     sequence: int = 0
     mode: Mode = Mode.IDLE
     mode_start: float = 0.0
+    runs_when_up: bool = False  # whether run was requested on the way up
     sit_deadline: float | None = None  # latest time to begin going down
     log_time: float | None = None
     event: str = ""
