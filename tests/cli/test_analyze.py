@@ -162,6 +162,22 @@ def test_what_was_measured_was_feasible(hoap2: Robot, measured: bool, words: str
     assert " mm at most, first at 0 s" in said
 
 
+def test_what_the_filter_extrapolates_at_the_ends_is_told_apart(hoap2: Robot) -> None:
+    """A walk that begins in the middle of a step was said to be infeasible by 1.1 m at 0 s."""
+    q = np.tile(hoap2.postures["standing"], (100, 1))
+    series = series_of(Motion(hoap2, TIME, q[:, 7:], q[:, :7]))
+    assert series.cop_margin is not None
+    margin = series.cop_margin.copy()
+    margin[0] = -1.1
+    at_the_end = str(verdict(replace(series, cop_margin=margin, uncertainty=None)))
+    assert "at 0 s: only within a period of the low-pass of an end" in at_the_end
+    margin = margin.copy()
+    margin[50] = -0.03
+    elsewhere = str(verdict(replace(series, cop_margin=margin, uncertainty=None)))
+    assert "the motion is infeasible there" in elsewhere
+    assert "extrapolates the motion; elsewhere 30 mm at most" in elsewhere
+
+
 @pytest.mark.parametrize(
     ("margin", "words"),
     [

@@ -12,9 +12,11 @@ from rich.text import Text
 from wbc.cli.printing import heads, print_written
 from wbc.motion import RmpSeries
 from wbc.motion.uncertainty import BAND
+from wbc.rmp.axes import Bools
 from wbc.validate import Array
 
 SHOWN_DROPOUTS = 10
+NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"
 
 
 def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) -> None:
@@ -135,6 +137,7 @@ def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
     """Return text and colour for a CoP that is certainly outside."""
     sure = series.infeasible
     first, farthest = series.time[sure][0], -margin[sure].min()
+    elsewhere = sure & ~_extrapolated(series)
     # A measured motion is feasible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
     why = "the motion is infeasible there"
     if human:
@@ -143,6 +146,9 @@ def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
         why = "it was measured, so the forces, the soles' shape or the ground's height are off"
         if series.cutoff is not None:
             why = "it was measured, so check with --cutoff none how much is due to the filter"
+    judged = not human and not series.measured
+    if judged and not elsewhere.any():
+        why = f"only {NEAR_END}; check with --cutoff none"
     noise = None if series.uncertainty is None else series.uncertainty.cop_margin
     beyond = noise is not None and not series.measured and bool(np.nanmax(noise) > 0.0)
     text = (
@@ -150,10 +156,22 @@ def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
         f" {1e3 * farthest:.2g} mm at most{', beyond the noise' if beyond else ''}, first"
         f" at {first:.12g} s: {why}. "
     )
+    if judged and elsewhere.any() and -margin[elsewhere].min() < farthest:
+        text += f"That is {NEAR_END}; elsewhere {1e3 * -margin[elsewhere].min():.2g} mm at most. "
     perhaps = int((series.cop_outside & ~sure).sum())
     if perhaps:
         text += f"In {perhaps} more it is outside within the noise. "
-    return text, "yellow" if series.measured or human else "red"
+    return text, "red" if judged and elsewhere.any() else "yellow"
+
+
+def _extrapolated(series: RmpSeries) -> Bools:
+    """Return where the low-pass extrapolates (n,): within a period of its cutoff of an end.
+
+    Nowhere if that is everywhere.
+    """
+    period = 0.0 if series.cutoff is None else 1.0 / series.cutoff
+    near = np.minimum(series.time - series.time[0], series.time[-1] - series.time) < period
+    return np.asarray(near & ~near.all())
 
 
 def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[str, str]:
