@@ -451,6 +451,21 @@ def test_bytes_that_are_no_text_leave_the_keyboard_listening(
     assert said[0].startswith("not understood: ")
 
 
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no such terminals here")
+def test_a_terminal_that_is_closed_makes_the_robot_sit_down(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without SIGHUP, as of a program that opened it: reading failed, and nobody was told."""
+    terminal, descriptor = os.openpty()
+    with open(descriptor, encoding="utf-8") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        keyboard = Keyboard(print)
+        os.write(terminal, b"arm\n")
+        assert keyboard._wishes.get(timeout=10.0) is Wish.ARM
+        os.close(terminal)
+        assert keyboard._wishes.get(timeout=10.0) is Wish.SIT
+
+
 def test_processes_forked_while_the_keyboard_waits_begin() -> None:
     """At a terminal controller and log never began: no estimate, and no end after ``quit``."""
     answer = """

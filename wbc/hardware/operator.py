@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from enum import StrEnum
 from io import TextIOWrapper
 from queue import Empty, SimpleQueue
@@ -65,15 +66,21 @@ class Keyboard:
             return None
 
     def _listen(self) -> None:
-        for line in _typed_lines():
-            word = line.strip().lower()
-            if not word:
-                self._wishes.put(Wish.STOP)
-            elif word in list(Wish):
-                self._wishes.put(Wish(word))
-            else:
-                self._say(f"not understood: {word}; one of: {', '.join(Wish)}")
-        self._wishes.put(Wish.SIT)  # the terminal is gone
+        with suppress(OSError):  # the terminal is gone: on Linux an error, not an end of file
+            for line in _typed_lines():
+                self._hear(line.strip().lower())
+        self._wishes.put(Wish.SIT)
+        self._say(
+            "stdin has ended: the robot sits down if it is up; Ctrl-C or SIGTERM ends the loop"
+        )
+
+    def _hear(self, word: str) -> None:
+        if not word:
+            self._wishes.put(Wish.STOP)
+        elif word in list(Wish):
+            self._wishes.put(Wish(word))
+        else:
+            self._say(f"not understood: {word}; one of: {', '.join(Wish)}")
 
 
 def _typed_lines() -> Iterable[str]:
