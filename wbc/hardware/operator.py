@@ -70,9 +70,7 @@ class Keyboard:
             for line in _typed_lines():
                 self._hear(line.strip().lower())
         self._wishes.put(Wish.SIT)
-        self._say(
-            "stdin has ended: the robot sits down if it is up; Ctrl-C or SIGTERM ends the loop"
-        )
+        self._say("nothing more can be typed: the robot sits down; Ctrl-C or SIGTERM ends the loop")
 
     def _hear(self, word: str) -> None:
         if not word:
