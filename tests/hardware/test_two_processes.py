@@ -4,6 +4,9 @@ Whole walks in two processes are benchmarks/hardware.py's: a machine that runs t
 """
 
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,3 +28,14 @@ def test_a_loop_that_is_killed_or_stopped_leaves_a_robot_that_brakes(number: int
     found = interrupted("udp", number, 4.0, DOMAIN + number)  # both may run at once
     assert found["damping after [ms]"] is not None
     assert not found["commanded again"] and found["log"]
+
+
+def test_a_simulated_robot_that_is_ended_by_a_signal_says_so(tmp_path: Path) -> None:
+    """Its exit code was 0, and a closed terminal left no report."""
+    report = tmp_path / "sim.json"
+    command = [sys.executable, "-u", "-m", "wbc", "hardware", "sim", "g1", "--bus", "udp"]
+    command += ["--domain", str(DOMAIN + 30), "--report", str(report)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as sim:
+        assert sim.stdout is not None and sim.stdout.readline().endswith(b"ready\n")
+        sim.send_signal(signal.SIGHUP)
+        assert sim.wait(60.0) == 128 + signal.SIGHUP and report.exists()

@@ -11,6 +11,8 @@ from wbc.cli.errors import print_note
 from wbc.cli.hardware_options import Bus, Domain, Interface, OnBus, Priority, Slower
 from wbc.cli.options import Quiet, robots_beginning
 
+FOREVER = 1e9  # s
+
 
 def sim(
     model: Annotated[
@@ -40,7 +42,9 @@ def sim(
         float, typer.Option(help="Seconds without a command after which it brakes.", min=0.001)
     ] = 0.017,
     armature: Annotated[float, typer.Option(help="Of the rotors, in kg m^2.", min=0.0)] = 0.003,
-    duration: Annotated[float, typer.Option(help="Time until it ends, in s.", min=0.0)] = 1e9,
+    duration: Annotated[
+        float | None, typer.Option(help="Time until it ends, in s; else Ctrl-C ends it.", min=0.0)
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Write its events: a .json.")] = None,
     priority: Priority = 50,
     slower: Slower = 1.0,
@@ -84,8 +88,9 @@ def sim(
     slow_down(slower)
     if not quiet:
         typer.echo(f"{loaded.name} on {bus} {interface}: ready")
-    with noted_interrupts() as interrupts:
-        outcome = simulated.run(duration, cancelled=interrupts, priority=priority, say=print_note)
+    with noted_interrupts(hangup=True) as interrupts:
+        seconds = FOREVER if duration is None else duration
+        outcome = simulated.run(seconds, cancelled=interrupts, priority=priority, say=print_note)
     if report is not None:
         write_text(report, json.dumps(outcome.to_data()) + "\n")
     if not quiet:
@@ -96,7 +101,7 @@ def sim(
             f" {outcome.tilt:.2f} rad; {outcome.late} of {outcome.steps} steps made up for,"
             f" {1e3 * outcome.latest:.1f} ms late at most"
         )
-    raise typer.Exit(0)
+    raise typer.Exit(interrupts.exit_code if interrupts() else 0)
 
 
 def _push_of(text: str) -> tuple[float, float, float, float]:

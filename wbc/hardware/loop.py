@@ -162,7 +162,7 @@ class HardwareLoop:
                     if not interrupting and self.interrupted():
                         interrupting = True
                         if self.safety.mode not in PASSIVE_MODES:
-                            self._say("interrupted: it sits down; once more: it stops")
+                            self._say("interrupted: it sits down; Ctrl-C, once more: it stops")
                     if interrupting and self.safety.mode in PASSIVE_MODES:
                         self._state.ended = "interrupted"
                     if beat.time - self._start > most:
