@@ -86,9 +86,9 @@ def sim(
         raise
     pin(cpu)
     slow_down(slower)
-    if not quiet:
-        typer.echo(f"{loaded.name} on {bus} {interface}: ready")
     with noted_interrupts(hangup=True) as interrupts:
+        if not quiet:
+            typer.echo(f"{loaded.name} on {bus} {interface}: ready")
         seconds = FOREVER if duration is None else duration
         outcome = simulated.run(seconds, cancelled=interrupts, priority=priority, say=print_note)
     if report is not None:
