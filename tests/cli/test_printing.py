@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from wbc.cli.printing import heads, print_result
+from wbc.cli.printing import heads, print_result, unwatched_text
 from wbc.problem import load_problem
 from wbc.run.result import Worst
 
@@ -28,6 +28,17 @@ def test_words_are_whole_where_they_can_be(width: int) -> None:
     assert max(map(len, told.splitlines())) <= width
     for word in " ".join((*WORDS, *NUMBERS, "inertia", "reached", "largest")).split():
         assert word in told.replace("\n", " ").split()
+
+
+def test_pairs_that_are_not_watched_are_told_by_reason_and_not_without_an_end() -> None:
+    """A TALOS with hands had 31 of them, on as many lines."""
+    pairs = {f"finger {k} vs palm": "in contact when standing" for k in range(4)}
+    near = "8.8 mm apart when standing, too near to tell"
+    told = unwatched_text({**pairs, "thumb vs palm": near})
+    together = ", ".join(pairs)
+    assert told == f"in contact when standing: {together}; {near}: thumb vs palm"
+    many = unwatched_text({f"finger {k} vs palm": near for k in range(31)})
+    assert many.endswith("and 25 more (wbc collisions lists all)")
 
 
 def test_long_words_beside_many_columns_are_told_to_their_ends() -> None:

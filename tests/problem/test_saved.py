@@ -51,6 +51,9 @@ def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) ->
     np.savez(path, summary=np.array('{"format": "wbc rmp series 1"}'))
     with pytest.raises(InvalidInputError, match="is a 'wbc rmp series 1', not a"):
         load_result(path)
+    np.savez(path, summary=np.array('{"format": "wbc retargeted motion 1"}'))
+    with pytest.raises(InvalidInputError, match="to see it: wbc analyze MOTION"):
+        load_result(path)
     path.write_text("text")
     with pytest.raises(InvalidInputError, match="cannot be read"):
         load_result(path)

@@ -281,6 +281,9 @@ def test_motion_unlike_the_human_is_noted(crouch: wbc.Retargeted) -> None:
         "long axis is up to 12 degrees off, at 0.50 s"
         in dissimilarity_notes(replace(same, reached=(far,)))[0]
     )
+    arm = Reached("left upper arm", 64.0, 121.0, 2.84, "deg")
+    (note,) = dissimilarity_notes(replace(same, reached=(arm, replace(arm, largest=30.0))))
+    assert note.count("left upper arm") == 1 and "up to 121 degrees off, at 2.84 s" in note
 
 
 def test_interpolated_configurations_are_geodesic(hoap2: Robot) -> None:

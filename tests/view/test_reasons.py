@@ -34,7 +34,7 @@ def figure(result: Result) -> Figure:
 
 
 def test_constraints_are_plotted(result: Result, figure: Figure) -> None:
-    axes = plots(figure)["Left of the constraints"]
+    axes = plots(figure)["Clearance of the constraints"]
     zero, left = axes.lines
     assert list(zero.get_ydata()) == [0.0, 0.0]
     np.testing.assert_allclose(left.get_ydata(), 1e3 * result.history.clearance["room"])

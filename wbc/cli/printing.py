@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from wbc.simulation import SimulationStatus
 from wbc.tracking.unbalanced import Unbalanced
 
 SHOWN = 5
+SHOWN_PAIRS = 6  # that self-collision does not watch
 WORST = 12  # of what cannot be balanced, that are printed
 GAP = 3  # between columns
 _STOPPED = {
@@ -128,6 +129,17 @@ def _held_back(result: Result) -> Table:
     return table
 
 
+def unwatched_text(pairs: Mapping[str, str]) -> str:
+    """Return pairs of bodies by why self-collision does not watch them, as many as can be read."""
+    by_reason: dict[str, list[str]] = {}
+    for pair, why in list(pairs.items())[:SHOWN_PAIRS]:
+        by_reason.setdefault(why, []).append(pair)
+    parts = [f"{why}: {', '.join(those)}" for why, those in by_reason.items()]
+    if len(pairs) > SHOWN_PAIRS:
+        parts.append(f"and {len(pairs) - SHOWN_PAIRS} more (wbc collisions lists all)")
+    return "; ".join(parts)
+
+
 def _rest(result: Result) -> Table:
     table = facts()
     margin, slip, balance = result.margin, result.slip, result.balance
@@ -147,8 +159,7 @@ def _rest(result: Result) -> Table:
     for text in result.not_kept:
         table.add_row("not kept", Text(text, style="red"))
     for name, pairs in result.provenance.get("unwatched_pairs", {}).items():
-        told = "; ".join(f"{pair}: {why}" for pair, why in pairs.items())
-        table.add_row("not watched", Text(f"{told} ({name})"))
+        table.add_row("not watched", Text(f"{unwatched_text(pairs)} ({name})"))
     table.add_row("QP", Text(_qp(result)))
     wall, cpu = (result.tick_times()[clock] for clock in ("wall", "cpu"))
     table.add_row(

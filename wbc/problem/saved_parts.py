@@ -20,6 +20,9 @@ from wbc.robot import Robot
 Number = Annotated[float, Field(strict=True)] | None  # what is not finite is written as null
 Text = Annotated[str, Field(strict=True)]
 REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
+SEE_MOTION = (
+    "to see it: wbc analyze MOTION.npz --robot ROBOT --plot motion.png, wbc retarget --view"
+)
 LONGEST = 1e9  # s, of a run: nanoseconds of it fit into 64 bits
 LARGEST = 1e30  # of any number, in its unit: what is drawn is squared, and written as 32 bits
 # Arrays of one row per tick, and the shapes of a row; others may have any number of entries.
@@ -121,7 +124,8 @@ def read_summary(path: Path, text: str, formats: Collection[str]) -> dict[str, A
         found = summary["format"]
         if found not in formats:
             known = " or ".join(map(repr, formats))
-            raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {known}; {REMEDY}")
+            remedy = SEE_MOTION if str(found).startswith("wbc retargeted motion") else REMEDY
+            raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {known}; {remedy}")
         _Summary.model_validate(summary)
     except ValidationError as error:
         wrong = [

@@ -21,6 +21,7 @@ from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 MIN_CORRELATION, MAX_AXIS_ERROR = 0.95, 10.0  # 1, deg; a motion beyond is noted
+MAX_LIMB_ERROR = 60.0  # deg: an arm that is told to be elsewhere; of human walks up to 30
 MAX_PENETRATION = 5e-3  # m, of soles below the ground; more is noted
 MIN_GAP = 0.2  # between second moments, by the largest: axes of closer ones are ill-defined
 
@@ -125,7 +126,7 @@ def penetration_notes(robot: Robot, targets: Targets, q: Array) -> list[str]:
 
 
 def dissimilarity_notes(found: Retargeted) -> list[str]:
-    """Return a note if CoM, angular momentum or long axis differ much from the human's."""
+    """Return notes where CoM, momentum, long axis, trunk or arms differ much from the human's."""
     whole, human = found.whole, found.targets.human_com
     both = whole.momentum[:, 3:], found.targets.angular_momentum
     parts = [
@@ -142,7 +143,14 @@ def dissimilarity_notes(found: Retargeted) -> list[str]:
         if one.task == "principal axis 1" and one.largest > MAX_AXIS_ERROR
     ]
     why = "feet, limits, margins, motors, balance, trunk and arms have priority"
-    return [f"unlike the human: {', '.join(parts)}; {why}"] if parts else []
+    notes = [f"unlike the human: {', '.join(parts)}; {why}"] if parts else []
+    limbs = [
+        f"the {one.task} is up to {one.largest:.0f} degrees off, at {one.at:.2f} s"
+        for one in found.reached
+        if one.task.endswith(("arm", "trunk")) and one.largest > MAX_LIMB_ERROR
+    ]
+    why = "CoM, momentum, limits and margins have priority"
+    return notes + ([f"unlike the human: {', '.join(limbs)}; {why}"] if limbs else [])
 
 
 def principal_axis_errors(actual: Array, wanted: Array) -> Array:

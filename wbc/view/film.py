@@ -69,7 +69,8 @@ def film_format(path: str | Path) -> str:
     InvalidInputError
         Neither ``.gif`` nor ``.mp4``, or ``.mp4`` without ffmpeg.
     """
-    ending = ending_of(path, FORMATS, "a film is written as .gif or .mp4")
+    wanted = "a film is written as .gif or .mp4; a picture by wbc run PROBLEM.yaml --plot run.png"
+    ending = ending_of(path, FORMATS, wanted)
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
         raise InvalidInputError(f"{path}: needs the program ffmpeg; install it, or write a .gif")
     return ending

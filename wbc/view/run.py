@@ -114,7 +114,7 @@ LABEL_LENGTH = 34  # characters of a row's label
 
 def plot_clearance(axes: Axes, time: Array, clearance: Mapping[str, Array]) -> None:
     """Draw the clearance of each constraint; below zero it is violated."""
-    style.plain(axes, "Left of the constraints", "time [s]", "distance [mm]")
+    style.plain(axes, "Clearance of the constraints", "time [s]", "distance [mm]")
     looks = cycle(style.SERIES)
     series = [
         Series(name, colour, "-", 1e3 * left)

@@ -11,6 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from wbc.errors import listed
 from wbc.robot.formats.description import NO_RULES, ContactRules
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 from wbc.robot.formats.mujoco_tree import pose_of
@@ -139,7 +140,7 @@ def read_shapes(
     meshes = tuple(_triangles(model, mesh) for mesh in used)
     notes: tuple[str, ...] = ()
     if unknown:
-        notes = (f"{len(unknown)} shapes that end nowhere left out: {', '.join(unknown[:3])}",)
+        notes = (f"shapes left out, as only the ground has such: {listed(unknown, 3)}",)
     return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
 
 
