@@ -276,6 +276,21 @@ def test_a_number_is_taken_up_to_its_end(name: str) -> None:
 
 
 @pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_targets_in_degrees_and_millimetres_are_said(level, caplog):  # type: ignore[no-untyped-def]
+    """The ticks were solved, nothing was said, and the robot bent as far as it goes."""
+    start = ROBOT.snapshot(ROBOT.posture("standing"))
+    degrees = np.r_[start.q[:7], np.degrees(start.q[7:])]
+    controller = level(
+        ROBOT, [ComTask(ROBOT, 1e3 * start.com), PostureTask(ROBOT, degrees)], contacts=()
+    )
+    for _ in range(2):
+        controller.step(start)
+    com, posture = [one.getMessage() for one in caplog.records]
+    assert "the target of task 'com' is" in com and com.endswith("m away: is it in mm?")
+    assert "task 'posture'" in posture and posture.endswith("rad away: is it in degrees?")
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
 def test_joints_in_degrees_are_said_once_and_those_within_limits_never(level, caplog):  # type: ignore[no-untyped-def]
     q = ROBOT.posture("standing")
     controller = level(ROBOT, [PostureTask(ROBOT, q)], contacts=())

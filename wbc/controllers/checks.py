@@ -31,6 +31,9 @@ FIXED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | d
 )
 
 FAR_OUTSIDE = 0.2  # rad, m: more than any joint's calibration error
+# m, rad: farther than a robot comes in a task, and two turns of a joint; numbers of mm and degrees
+# are usually more.
+FAR_LENGTH, FAR_ANGLE = 25.0, 4.0 * np.pi
 DEFAULT_LAW = VelocityLaw()
 # Of the velocity and the torque level: the gains it ignores, its name, the gains it uses.
 LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
@@ -49,8 +52,11 @@ def contacts_or_warn(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[
     return ()
 
 
-def warn_outside_limits(snapshot: Snapshot) -> None:
-    """Warn of joints far outside their limits: q may be in degrees, or in another order."""
+def warn_outside_limits(snapshot: Snapshot) -> bool:
+    """Warn of joints far outside their limits: q may be in degrees, or in another order.
+
+    Returns whether there are any.
+    """
     past = snapshot.robot.limits.past(snapshot.joint_positions)
     far = np.flatnonzero(past > FAR_OUTSIDE)
     if far.size:
@@ -60,6 +66,26 @@ def warn_outside_limits(snapshot: Snapshot) -> None:
             " is q in degrees, or in another order than robot.joint_names?",
             *(snapshot.robot.name, far.size, snapshot.robot.joint_names[worst], past[worst]),
         )
+    return bool(far.size)
+
+
+def warn_far_targets(tasks: Sequence[Task], errors: Mapping[str, Array]) -> None:
+    """Warn of targets that no robot reaches: they may be in mm, or in degrees.
+
+    Parameters
+    ----------
+    errors:
+        Of each task, by its name, in its own units.
+    """
+    for task in tasks:
+        sizes = tuple(zip(np.abs(errors[task.name]).tolist(), task.units, strict=False))
+        for unit, farthest, other in (("m", FAR_LENGTH, "mm"), ("rad", FAR_ANGLE, "degrees")):
+            off = max((size for size, own in sizes if own == unit), default=0.0)
+            if off > farthest:
+                logging.getLogger(__name__).warning(
+                    "controller: the target of %s is %.3g %s away: is it in %s?",
+                    *(task, off, unit, other),
+                )
 
 
 def warn_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:

@@ -251,7 +251,8 @@ class Controller(DeclaredAttributes, ABC):
     def _log_advice(self, snapshot: Snapshot, tick: Tick, number: int) -> None:
         """Log likely mistakes; called rarely, it takes as long as a tick."""
         if number == 1:
-            checks.warn_outside_limits(snapshot)
+            if not checks.warn_outside_limits(snapshot):
+                checks.warn_far_targets(self._motion, tick.errors)
             checks.warn_displaced(snapshot, self.contacts)
         elif (
             number >= COMPETING_CHECK_FROM
