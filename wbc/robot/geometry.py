@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.robot.formats.triangles import Triangles
+from wbc.robot.formats.triangles import BOX_CORNERS, Triangles
 from wbc.robot.model import Robot
 from wbc.validate import Array, read_only
 
@@ -122,10 +122,9 @@ def _indices(triangles: list[coal.Triangle]) -> NDArray[np.int64]:
 
 def box(half: Array) -> Triangles:
     """Return a box centred at the origin, with half side lengths (3,)."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
-    return Triangles(corners * half, np.array(faces, dtype=np.int64))
+    return Triangles(BOX_CORNERS * half, np.array(faces, dtype=np.int64))
 
 
 def cylinder(radius: float, half_length: float) -> Triangles:

@@ -193,7 +193,7 @@ def find_robot(source: Any) -> RobotSource:
     text = str(source)
     if isinstance(source, str) and text.startswith(MENAGERIE):
         robot = text.removeprefix(MENAGERIE).partition("/")[0]
-        return RobotSource(name=robot, path=from_menagerie(text).path)
+        return RobotSource(name=robot, path=from_menagerie(text))
     if isinstance(source, Path) or is_file_name(text):
         return RobotSource(name=None, path=Path(source).expanduser())
     known = ROBOTS.get(text)
@@ -249,6 +249,4 @@ def _from_packages(name: str) -> RobotSource:
         more = f", or pip install {' or '.join(lacking)} for its many" if lacking else ""
         remedy = f"{known}; or give the path of a URDF or MJCF file{more}"
         raise UnknownNameError("robot", name, robot_names(), remedy)
-    return RobotSource(
-        name=name.removeprefix(DESCRIPTIONS), path=found.path, package_dirs=found.package_dirs
-    )
+    return RobotSource(name.removeprefix(DESCRIPTIONS), *found)

@@ -8,19 +8,12 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from wbc.errors import ModelError, UnknownNameError
 from wbc.extras import require
 
 MENAGERIE, DESCRIPTIONS = "menagerie:", "robot_descriptions:"  # what the names begin with
-
-
-class Found(NamedTuple):
-    """A robot's file in a package."""
-
-    path: Path
-    package_dirs: tuple[Path, ...] = ()
 
 
 def menagerie_names() -> tuple[str, ...]:
@@ -33,7 +26,7 @@ def menagerie_names() -> tuple[str, ...]:
     return tuple(MENAGERIE + str(name) for name in _menagerie().names())
 
 
-def from_menagerie(name: str) -> Found:
+def from_menagerie(name: str) -> Path:
     """Return the file of ``menagerie:NAME`` or ``menagerie:NAME/ENTRY``.
 
     Without an entry it is the model of the robot alone. The package's own settings say where files
@@ -57,7 +50,7 @@ def from_menagerie(name: str) -> Found:
     if entry and entry not in known.entry_names:
         raise UnknownNameError(f"entry of the menagerie's {robot}", entry, known.entry_names)
     try:
-        return Found(Path(known.xml(entry or known.default_model)))
+        return Path(known.xml(entry or known.default_model))
     except Exception as error:  # whatever its download raises: no network, no space
         raise ModelError(f"robot {name!r}: mujoco-menagerie cannot provide it: {error}") from error
 
@@ -66,8 +59,8 @@ def _menagerie() -> Any:
     return importlib.import_module("mujoco_menagerie")
 
 
-def from_robot_descriptions(name: str) -> Found | None:
-    """Return the files of a robot of the package ``robot_descriptions``, or None.
+def from_robot_descriptions(name: str) -> tuple[Path, tuple[Path, ...]] | None:
+    """Return a robot's file in ``robot_descriptions``, and the folders of its meshes, or None.
 
     Parameters
     ----------
@@ -107,4 +100,4 @@ def from_robot_descriptions(name: str) -> Found | None:
     if path is None:
         raise ModelError(f"robot {name!r}: {module_name} has neither a URDF nor an MJCF")
     package_dir = Path(getattr(module, "PACKAGE_PATH", Path(path).parent))
-    return Found(Path(path), (package_dir, package_dir.parent))
+    return Path(path), (package_dir, package_dir.parent)

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from wbc.polygon import centroid, convex_hull, polygon_area, thinned
 from wbc.robot.formats.description import GeometrySource
-from wbc.robot.formats.triangles import Triangles
+from wbc.robot.formats.triangles import BOX_CORNERS, Triangles
 from wbc.validate import Array
 
 PlacedShape = tuple[pin.SE3, object]  # a shape in the axes of its joint
@@ -21,7 +21,6 @@ FACE_SEARCHES = 2  # repetitions: the lowest points of round shapes depend on th
 LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
 ALMOST_VERTICAL = np.cos(np.deg2rad(5.0))  # of an axis that is taken to be vertical
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (16, 3)
 
@@ -34,7 +33,7 @@ def extreme_points(shape: object, up: Array) -> Array:
     """
     match shape:
         case coal.Box():
-            return _CORNERS * np.asarray(shape.halfSide, dtype=np.float64)
+            return BOX_CORNERS * np.asarray(shape.halfSide, dtype=np.float64)
         case coal.Sphere():
             return -float(shape.radius) * up[None]
         case coal.Ellipsoid():

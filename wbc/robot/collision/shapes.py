@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from wbc.attributes import DeclaredAttributes
 from wbc.errors import InvalidInputError, shown
 from wbc.kinds import check_word
+from wbc.robot.formats.triangles import BOX_CORNERS
 from wbc.rotations import check_rotation, exp_rotation
 from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
 
 _ZERO = (0.0, 0.0, 0.0)
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Hull:
         sides = finite_array("box, size", size, (3,))
         if (sides <= 0.0).any():
             raise InvalidInputError(f"box, size: sides must be positive, got {sides.tolist()}")
-        return cls(0.5 * sides * _CORNERS + finite_array("box, centre", centre, (3,)))
+        return cls(0.5 * sides * BOX_CORNERS + finite_array("box, centre", centre, (3,)))
 
     def __post_init__(self) -> None:
         read_only(self.vertices)

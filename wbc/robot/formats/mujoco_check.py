@@ -33,7 +33,7 @@ def compare_with_mujoco(part: RobotPart, tree: pin.Model) -> None:
     if any(part.kind_of(joint) == "ball" for joint in part.joints):
         return  # refused by its name later
     _compare_masses(part, tree)
-    _compare_ranges(part, tree)
+    compare_ranges(part, tree)
     compare_motion(part, tree, base_of(part))
 
 
@@ -122,14 +122,22 @@ def _compare_masses(part: RobotPart, tree: pin.Model) -> None:
             raise _disagreement(part.path, what, f"{found:g} kg", f"{carried:g} kg")
 
 
-def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
+def compare_ranges(part: RobotPart, tree: pin.Model) -> None:
+    """Compare the ranges of the joints that have one.
+
+    Raises
+    ------
+    ModelError
+        See :func:`compare_with_mujoco`.
+    """
     for joint in part.joints:
-        name, wanted = part.names.joints[joint], (-np.inf, np.inf)
-        q = int(tree.idx_qs[tree.getJointId(name)])
-        found = float(tree.lowerPositionLimit[q]), float(tree.upperPositionLimit[q])
-        if part.model.jnt_limited[joint]:
-            wanted = tuple(part.model.jnt_range[joint].tolist())
-        if found != wanted:
+        name = part.names.joints[joint]
+        index = tree.getJointId(name)
+        if tree.nqs[index] != 1 or not part.model.jnt_limited[joint]:
+            continue
+        q, wanted = int(tree.idx_qs[index]), part.model.jnt_range[joint]
+        found = np.array((tree.lowerPositionLimit[q], tree.upperPositionLimit[q]))
+        if not np.allclose(found, wanted, rtol=1e-9, atol=1e-12):
             raise _disagreement(part.path, f"the range of joint {name!r}", str(found), str(wanted))
 
 

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
+# Corners (8, 3) of the box from -1 to 1.
+BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 class Triangles(NamedTuple):

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError
 from wbc.extras import installed, quietly
-from wbc.robot.formats.mujoco_check import compare_motion
+from wbc.robot.formats.mujoco_check import compare_motion, compare_ranges
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 
 TEST_ROBOT = """<robot name="tried"><link name="base"/><link name="l"><inertial>
@@ -51,7 +50,7 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
     single = all(part.kind_of(joint) in ("hinge", "slide") for joint in part.joints)
     if not single or not known >= {names.bodies[body] for body in bodies}:
         return
-    _compare_ranges(part, tree)
+    compare_ranges(part, tree)
     compare_motion(part, tree, pin.SE3.Identity())
 
 
@@ -83,19 +82,3 @@ def _without_shapes(root: ET.Element) -> str:
             part for part in joint if part.tag in ("parent", "child", "origin", "axis", "limit")
         )
     return ET.tostring(plain, encoding="unicode")
-
-
-def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
-    model = part.model
-    for joint in part.joints:
-        name = part.names.joints[joint]
-        index = tree.getJointId(name)
-        q = int(tree.idx_qs[index])
-        if tree.nqs[index] != 1 or not model.jnt_limited[joint]:
-            continue
-        found = np.array((tree.lowerPositionLimit[q], tree.upperPositionLimit[q]))
-        if not np.allclose(found, model.jnt_range[joint], rtol=1e-9, atol=1e-12):
-            raise ModelError(
-                f"{part.path}: the range of joint {name!r} is {found} by one reading and"
-                f" {model.jnt_range[joint]} by another"
-            )
