@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import InvalidInputError, listed
+from wbc.errors import InvalidInputError
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
+from wbc.robot.notes import noted
 from wbc.validate import by_name, finite_number
 
 JointValues = float | Mapping[str, float]  # one for all joints, or by name or pattern
@@ -66,10 +67,10 @@ def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, 
 def effort_note(limits: JointLimits, motorless: Sequence[str] = ()) -> tuple[str, ...]:
     """Return a note that names the actuated joints without an effort limit, if there are any."""
     without = tuple(name for name in limits.without_effort if name not in motorless)
-    if not without:
-        return ()
-    which = "any joint" if len(without) == len(limits.names) else listed(without)
-    return (f"no effort limit is given for {which}: torques are not bounded there (effort: ...)",)
+    which = ("any joint",) if without and without == limits.names else without
+    return noted(
+        "no effort limit is given for {}: torques are not bounded there (effort: ...)", which
+    )
 
 
 def armature_note(model: pin.Model) -> tuple[str, ...]:
@@ -87,9 +88,8 @@ def armature_note(model: pin.Model) -> tuple[str, ...]:
         slides = model.joints[j].shortname().startswith("JointModelP")
         if rotor > (moved if slides else turned):
             heavy.append(f"{model.names[j]} ({rotor:.3g} {'kg' if slides else 'kg m^2'})")
-    if not heavy:
-        return ()
-    return (
-        f"rotor inertias above that of the whole robot ({turned:.2g} kg m^2): {listed(heavy)}; they"
-        " are as felt at the joint, in kg m^2: the rotor's own times the gear ratio squared",
+    return noted(
+        f"rotor inertias above that of the whole robot ({turned:.2g} kg m^2): {{}}; they are as"
+        " felt at the joint, in kg m^2: the rotor's own times the gear ratio squared",
+        heavy,
     )

@@ -29,7 +29,7 @@ from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
-from wbc.robot.notes import warn_of
+from wbc.robot.notes import noted, warn_of
 from wbc.robot.payload import CarryingGeometry, Payload, payload_note
 from wbc.robot.postures import (
     NEUTRAL,
@@ -204,8 +204,8 @@ class Robot(KinematicTree):
         ties, loop_notes = loops_within(model, {**description.loops, **own_loops})
         if unactuated is None and ties:
             unactuated = tuple(set(description.unactuated or ()) & {*limits.names})
-            if unactuated and not description.loops:
-                loop_notes += (f"with loops, no torque is asked of {listed(sorted(unactuated))}",)
+            if not description.loops:
+                loop_notes += noted("with loops, no torque is asked of {}", sorted(unactuated))
         free = without_motors(limits.names, () if unactuated is None else unactuated)
         passive = description.passive.of(model, limits)
         closure = Closure(model, limits, ties, couplings, free, passive.springs)
@@ -214,10 +214,8 @@ class Robot(KinematicTree):
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, (*free, *couplings))
-        # That an arm is bolted down is no fault of its file.
-        warn_of(
-            found.path, (note for note in notes if not (stance.bolted and note in stance.notes))
-        )
+        expected = stance.notes if stance.bolted else ()  # an arm's, which are no fault of its file
+        warn_of(found.path, (note for note in notes if note not in expected))
         robot = cls(
             name=name or found.name or description.name,
             path=found.path,
@@ -354,11 +352,8 @@ class Robot(KinematicTree):
             names = self.joint_names
             meant = [names[k] for key in given for k in matching(key, names)]
             q = self.closure.closed(q, [name for name in meant if name not in free])
-        return (
-            put_on_ground(self.model, q, self.feet)
-            if switch("posture, on_ground", on_ground)
-            else q
-        )
+        raised = switch("posture, on_ground", on_ground)
+        return put_on_ground(self.model, q, self.feet) if raised else q
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return what springs and the like give (nv,) [N, N m]: forces that no motor is asked for.
@@ -421,8 +416,7 @@ def _read(
         if joint not in left and tie.driver in left
     ]
     notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
-    if loose:
-        notes += (f"locked, though they follow joints that still move: {listed(loose)}",)
+    notes += noted("locked, though they follow joints that still move: {}", loose)
     return description, model, couplings, (known.notes if known else ()) + notes
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError, listed
+from wbc.errors import ModelError
+from wbc.robot.notes import noted
 
-FREE_FLYER = "JointModelFreeFlyer"
+FREE_FLYER, BALL = "JointModelFreeFlyer", "JointModelSpherical"
 SINGLE_AXIS = frozenset(
     f"JointModel{name}"
     for name in (
@@ -45,9 +46,6 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     notes += _oversized_links(model) + _unit_notes(model) + _immobile_joints(model)
     _check_joint_inertia(model, path)
     return notes
-
-
-BALL = "JointModelSpherical"
 
 
 def _check_joints(model: pin.Model, path: Path) -> None:
@@ -99,9 +97,7 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
             f"{_where(model, bare[0], path)}: what the joint moves has no mass; give the link its"
             f" mass, or make the joint fixed, or lock every such joint: locked={{{held}}}"
         )
-    if empty:
-        return (f"links without mass between two joints: {', '.join(empty)}",)
-    return ()
+    return noted("links without mass between two joints: {}", empty, len(empty))
 
 
 def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
@@ -124,15 +120,13 @@ def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
             broken.append(link)
     for reason, joints in impossible.items():
         _refuse_inertia(model, joints, path, reason)
-    notes = []
-    if points:
-        notes.append(f"links without rotational inertia, taken as points: {', '.join(points)}")
-    if broken:
-        notes.append(
-            "links whose moments of inertia break the triangle inequality, too little to matter"
-            f" for the whole robot: {', '.join(broken)}"
-        )
-    return tuple(notes)
+    told = "links without rotational inertia, taken as points: {}"
+    return noted(told, points, len(points)) + noted(
+        "links whose moments of inertia break the triangle inequality, too little to matter for the"
+        " whole robot: {}",
+        broken,
+        len(broken),
+    )
 
 
 def _oversized_links(model: pin.Model) -> tuple[str, ...]:
@@ -153,12 +147,11 @@ def _oversized_links(model: pin.Model) -> tuple[str, ...]:
         for joint, (_, body) in enumerate(bodies, 1)
         if body.mass > 0.0 and np.linalg.eigvalsh(body.inertia)[2] > body.mass * size**2
     ]
-    if not links:
-        return ()
-    return (
+    return noted(
         "links whose moments of inertia are those of bodies larger than the whole robot, as if"
-        f" placeholders, or other units than kg m^2, stood in the file: {listed(links)}; what moves"
-        " will not move so",
+        " placeholders, or other units than kg m^2, stood in the file: {}; what moves will not move"
+        " so",
+        links,
     )
 
 
@@ -202,7 +195,7 @@ def _immobile_joints(model: pin.Model) -> tuple[str, ...]:
         if model.nqs[j] == 1
         and model.lowerPositionLimit[model.idx_qs[j]] == model.upperPositionLimit[model.idx_qs[j]]
     ]
-    return (f"limits leave these joints no range: {listed(held)}",) if held else ()
+    return noted("limits leave these joints no range: {}", held)
 
 
 def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason: str) -> None:

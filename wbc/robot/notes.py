@@ -1,15 +1,22 @@
-"""Warnings about what was tolerated while a robot was loaded."""
+"""Notes of what was tolerated while a robot was loaded, and warnings of them."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
+from wbc.errors import listed
+
 _enabled = ContextVar("told", default=True)
+
+
+def noted(words: str, names: Collection[str], most: int = 5) -> tuple[str, ...]:
+    """Return a note about names, which stand at ``{}`` in ``words``; none if there are no names."""
+    return (words.replace("{}", listed([*names], most)),) if names else ()
 
 
 def warn_of(path: Path, notes: Iterable[str]) -> None:

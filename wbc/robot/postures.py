@@ -19,6 +19,7 @@ from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import CLOSED_GAP, Closure
 from wbc.robot.names import frame_table, matches, matching
+from wbc.robot.notes import noted
 from wbc.spatial import skew
 from wbc.validate import Array, by_name
 
@@ -69,7 +70,7 @@ def rename_neutral(states: Mapping[str, State]) -> tuple[dict[str, State], tuple
 
 def _state_posture(
     limits: JointLimits, neutral: Array, name: str, state: State
-) -> tuple[Array, list[str]]:
+) -> tuple[Array, tuple[str, ...]]:
     """Return the posture of a state; joints that the model does not have (locked) are skipped."""
     q = neutral.copy()
     outside = []
@@ -85,9 +86,8 @@ def _state_posture(
         if abs(inside - value) > 1e-6:  # more than the file's rounding
             outside.append(joint)
         limits.set_joint(q, joint, inside)
-    if outside:
-        return q, [f"posture {name!r}: brought within the limits: {', '.join(outside)}"]
-    return q, []
+    told = f"posture {name!r}: brought within the limits: {{}}"
+    return q, noted(told, outside, len(outside))
 
 
 def set_joints(limits: JointLimits, q: Array, joints: Mapping[str, float]) -> None:
@@ -142,9 +142,8 @@ def close_postures(
                 postures[name] = closure.closed(other)
             except InvalidInputError:
                 raise ModelError(f"{path}: posture {name!r}: {error}") from error
-    if not open_ones:
-        return ()
-    return (f"loops are open in the postures {', '.join(open_ones)}, and none near closes them",)
+    told = "loops are open in the postures {}, and none near closes them"
+    return noted(told, open_ones, len(open_ones))
 
 
 def put_on_ground(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:

@@ -24,6 +24,7 @@ from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import RobotSource
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
+from wbc.robot.notes import noted
 from wbc.robot.postures import STANDING, is_standing, put_on_ground, settle_on_ground
 from wbc.robot.sole import lowest_point
 from wbc.validate import Array, by_name
@@ -177,12 +178,10 @@ def _notes_below_soles(
     level = [
         link_of(model, joint) for joint, height in heights.items() if abs(height) <= BELOW_SOLES
     ]
-    told = (
-        (lower, "lower than the soles in 'standing': {}; are these its soles (feet)?"),
-        (
-            level,
-            "level with the soles in 'standing', and no part of them: {}; feet=... may name them,"
-            " or locked=... of their joints make them part",
-        ),
+    told = "lower than the soles in 'standing': {}; are these its soles (feet)?"
+    return noted(told, lower, len(lower)) + noted(
+        "level with the soles in 'standing', and no part of them: {}; feet=... may name them, or"
+        " locked=... of their joints make them part",
+        level,
+        len(level),
     )
-    return tuple(words.format(", ".join(found)) for found, words in told if found)

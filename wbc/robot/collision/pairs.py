@@ -148,7 +148,7 @@ class _Candidates:
             if shapes is None or not shapes.are_described(pair):
                 touching[pair] = f"{distance[0, k] * 1e3:.1f} mm apart when standing"
                 continue
-            raw = shapes.raw_distance(pair, TOUCHING)
+            raw = shapes.raw_distance(pair)
             if raw < TOUCHING:
                 touching[pair] = "in contact when standing"
                 continue

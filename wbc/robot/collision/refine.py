@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from wbc.robot.collision.bodies import NamedSurface, named_surfaces, simple_shape
 from wbc.robot.collision.fitting import Fit, convex, fit_close_hull, hull_corners
-from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
 from wbc.robot.formats.triangles import Triangles, as_bvh, without_unused_vertices
 from wbc.robot.geometry import triangulated
@@ -87,11 +86,6 @@ class _RawShape:
         self.name, self.geometry, self.placement = found.name, found.geometry, found.placement
         self.place = standing * found.placement  # in the world, when standing
         self._fits: dict[float, _Part] = {}
-
-    @cached_property
-    def clusters(self) -> Clusters | None:
-        """A mesh's triangles in groups; None of other shapes."""
-        return Clusters(self.geometry) if isinstance(self.geometry, Triangles) else None
 
     @cached_property
     def tree(self) -> coal.CollisionGeometry:
@@ -166,24 +160,12 @@ class FinerShapes:
         """Return whether both bodies represent shapes of the robot's description."""
         return all(self._bodies[k].name in self._shapes for k in pair)
 
-    def raw_distance(self, pair: Pair, near: float = 0.0) -> float:
-        """Return the distance [m] of two bodies' raw shapes when standing; 0 if they touch.
-
-        Below ``near`` the value is only an upper bound.
-        """
+    def raw_distance(self, pair: Pair) -> float:
+        """Return the distance [m] of two bodies' raw shapes when standing; 0 if they touch."""
         if pair not in self._raw:
-            self._raw[pair] = max(self._raw_distance(pair, near), 0.0)
+            trees = [self._shape(k).tree for k in pair]
+            self._raw[pair] = max(self._distance(pair, trees), 0.0)
         return self._raw[pair]
-
-    def _raw_distance(self, pair: Pair, near: float) -> float:
-        one, other = (self._shape(k) for k in pair)
-        if one.clusters is None or other.clusters is None:
-            return self._distance(pair, (one.tree, other.tree))
-        both = one.clusters, other.clusters
-        first, second, most = nearest_triangles(*both, one.place, other.place)
-        if most < near:
-            return most
-        return self._distance(pair, (as_bvh(*first), as_bvh(*second)))
 
     def _shape(self, body: int) -> _RawShape:
         return self._shapes[self._bodies[body].name]

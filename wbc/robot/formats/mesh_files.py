@@ -23,9 +23,6 @@ from wbc.robot.formats.xml import LFS
 # to read, 2 to draw and 4.4 to fit a shape to; a million took 44.
 MOST_BYTES, MOST_TRIANGLES = 32 << 20, 400_000
 _STL_HEADER = 84  # bytes of a binary STL file
-_HASH_FACTORS = np.array(
-    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64
-)
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
 
 
@@ -192,11 +189,8 @@ def _read_stl(path: Path) -> Triangles:
     """
     found = np.frombuffer(path.read_bytes(), dtype=_STL_TRIANGLE, offset=_STL_HEADER)["corners"]
     points = np.ascontiguousarray(found).reshape(-1, 3) + np.float32(0.0)  # -0 is 0
-    keys = points.view(np.uint32) @ _HASH_FACTORS
-    _, first, numbers = np.unique(keys, return_index=True, return_inverse=True)
-    if (points[first[numbers]] != points).any():  # two points of one key: rows take twice as long
-        rows = points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
-        _, first, numbers = np.unique(rows, return_index=True, return_inverse=True)
+    rows = points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
+    _, first, numbers = np.unique(rows, return_index=True, return_inverse=True)
     order = np.argsort(first)
     place = np.empty_like(order)
     place[order] = np.arange(len(order))

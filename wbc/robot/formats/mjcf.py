@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError, listed
+from wbc.errors import ModelError
 from wbc.robot.formats.description import Description, check_joint_count, refuse_reserved
 from wbc.robot.formats.mjcf_compile import compile_mjcf
 from wbc.robot.formats.mujoco_check import compare_with_mujoco
@@ -24,6 +24,7 @@ from wbc.robot.formats.mujoco_part import RobotPart, robot_part
 from wbc.robot.formats.mujoco_shapes import read_shapes
 from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
 from wbc.robot.formats.xml import LARGEST
+from wbc.robot.notes import noted
 from wbc.robot.passive import PassiveForces
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -75,7 +76,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         + shape_notes
         + loop_notes
         + tie_notes
-        + ((f"joints that constraints hold at a value, locked: {listed(held)}",) if held else ())
+        + noted("joints that constraints hold at a value, locked: {}", held)
         + drive_notes(part, bool(loops), coupled)
         + _other_notes(part, tree, passive),
         passive=passive,
@@ -108,28 +109,23 @@ def _check_sizes(part: RobotPart) -> None:
 
 
 def _other_notes(part: RobotPart, tree: pin.Model, passive: PassiveForces) -> tuple[str, ...]:
-    notes, names, model = [], part.names, part.model
-    if passive.springs:
-        notes.append(f"springs act on {listed(list(passive.springs))} (robot.passive_forces)")
-    if passive.lifts:
-        lifted = listed([lift.frame for lift in passive.lifts])
-        notes.append(f"gravity is compensated on {lifted} (robot.passive_forces)")
-        by_motors = [names.joints[joint] for joint in part.joints if model.jnt_actgravcomp[joint]]
-        if by_motors:
-            notes.append(
-                f"what the motors of {listed(by_motors)} give for that does not count against"
-                " their effort limits"
-            )
+    names, model, lifted = part.names, part.model, [lift.frame for lift in passive.lifts]
+    by_motors = [names.joints[joint] for joint in part.joints if model.jnt_actgravcomp[joint]]
+    notes = noted("springs act on {} (robot.passive_forces)", passive.springs)
+    notes += noted("gravity is compensated on {} (robot.passive_forces)", lifted)
+    notes += noted(
+        "what the motors of {} give for that does not count against their effort limits",
+        by_motors if lifted else (),
+    )
     gravity = tuple(tree.gravity.linear.tolist())
     if gravity != STANDARD_GRAVITY:
         said = " ".join(f"{entry:g}" for entry in gravity)
-        notes.append(f"gravity is the file's: {said} m/s^2")
+        notes += (f"gravity is the file's: {said} m/s^2",)
     bodies = {names.bodies[body] for body in part.bodies}
     shared = [
         names.sites[site]
         for site in range(model.nsite)
         if int(model.site_bodyid[site]) in part.bodies and names.sites[site] in bodies
     ]
-    if shared:
-        notes.append(f"sites that share a body's name; it means the body: {', '.join(shared)}")
-    return tuple(notes)
+    told = "sites that share a body's name; it means the body: {}"
+    return notes + noted(told, shared, len(shared))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.errors import listed
+from wbc.robot.notes import noted
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
@@ -58,15 +58,16 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         delete_from(spec, sensor)
     for key, qpos in zip(spec.keys, kept, strict=True):
         key.qpos = qpos
-    note = (
-        f"ball joints are three hinges each, NAME:x, NAME:y and NAME:z in turn, singular where the"
-        f" second is at 90 degrees: {listed(names)}"
-    )
-    wide = (
+    notes = noted(
+        "ball joints are three hinges each, NAME:x, NAME:y and NAME:z in turn, singular where the"
+        " second is at 90 degrees: {}",
+        names,
+    ) + noted(
         "the range of a ball's whole turn is that of each of its hinges here, which turn it by more"
-        f" together: {listed(wider)}"
+        " together: {}",
+        wider,
     )
-    return spec.compile(), (note, *([wide] if wider else []), *motor_notes)
+    return spec.compile(), notes + motor_notes
 
 
 def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
@@ -87,11 +88,9 @@ def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
             delete_from(spec, motor)
     for key in spec.keys if lost else ():  # their numbers of controls changed; these are not read
         key.ctrl = key.act = np.zeros(0)
-    told = {
-        "motors about an axis of a ball joint are those of its hinge about that axis": moved,
-        "motors about several axes of a ball joint are not read": lost,
-    }
-    return tuple(f"{words}: {listed(some)}" for words, some in told.items() if some)
+    return noted(
+        "motors about an axis of a ball joint are those of its hinge about that axis: {}", moved
+    ) + noted("motors about several axes of a ball joint are not read: {}", lost)
 
 
 def _combined_angle(reach: float) -> float:

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from wbc.errors import ModelError, listed
+from wbc.errors import ModelError
 from wbc.extras import quietly, require
 from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
 from wbc.robot.formats.mjcf_balls import delete_from, without_balls
 from wbc.robot.formats.xml import refuse_non_finite
+from wbc.robot.notes import noted
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
 REPEATING = ("replicate", "composite", "flexcomp")
@@ -85,8 +86,7 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
             raise ModelError(f"{path}: MuJoCo refuses this MJCF: {said}") from error
     words = dict.fromkeys(" ".join(str(one.message).split()) for one in told)
     notes = tuple(f"MuJoCo says: {one}" for one in words)
-    if older:
-        notes += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
+    notes += noted("left out, as MuJoCo knows them no more: {}", older)
     return replace(found, notes=found.notes + notes)
 
 
@@ -176,14 +176,11 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
         elsewhere = _leave_out_pairs(spec)
         if not missing and not elsewhere:
             raise
-    notes = list[str]()
-    if shapes:
-        some = listed(list(shapes), 3)
-        notes.append(f"{len(shapes)} shapes left out, as their meshes were not found: {some}")
-    if elsewhere:
-        notes.append(f"contact pairs with what is not in the file left out: {listed(elsewhere)}")
+    told = f"{len(shapes)} shapes left out, as their meshes were not found: {{}}"
+    notes = noted(told, shapes, 3)
+    notes += noted("contact pairs with what is not in the file left out: {}", elsewhere)
     missing_shapes = tuple(words for words, collides in shapes.items() if collides)
-    return _with_hinges(Compiled(mujoco, spec.compile(), name, tuple(notes), missing_shapes), spec)
+    return _with_hinges(Compiled(mujoco, spec.compile(), name, notes, missing_shapes), spec)
 
 
 def _with_hinges(found: Compiled, spec: Any) -> Compiled:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import listed
 from wbc.robot.formats.mujoco_part import (
     RobotPart,
     acting_motors,
@@ -17,6 +16,7 @@ from wbc.robot.formats.mujoco_part import (
     motors_on_joints,
 )
 from wbc.robot.limits import BASE_NV
+from wbc.robot.notes import noted
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
 Range = tuple[float, float]
@@ -163,7 +163,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     ``looped``: whether it has closed loops, in which joints without a motor stay unactuated, as
     those that are ``following`` others.
     """
-    notes, mine = [], {*part.joints}
+    mine = {*part.joints}
     mujoco, model, names = part.mujoco, part.model, part.names
     every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
     elsewhere = [
@@ -171,67 +171,69 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
         for k in actuators_of(model)
         if k not in every or part.kind_of(every[k]) == "free"
     ]
-    if elsewhere:
-        notes.append(
-            "actuators that act on no single joint (tendons, sites, bodies, free joints) are not"
-            f" read: {listed(elsewhere)}"
-        )
-    if off := [names.actuators[k] for k in every if k not in acting]:
-        notes.append(f"actuators of groups that the file switches off drive nothing: {listed(off)}")
+    notes = noted(
+        "actuators that act on no single joint (tendons, sites, bodies, free joints) are not read:"
+        " {}",
+        elsewhere,
+    )
+    off = [names.actuators[k] for k in every if k not in acting]
+    notes += noted("actuators of groups that the file switches off drive nothing: {}", off)
     notes += _disabled_notes(part)
     driven = {joint for joint in acting.values() if joint in mine}
     still = unactuated_joints(part)
-    still = still and tuple(name for name in still if name not in following)
-    if still:
-        here = "none does here" if looped else "here each joint has one"
-        notes.append(f"no motor of the file drives {listed(still)}; {here}")
-    elif still is None and looped:
-        notes.append("the file has no motors: here each joint has one, but for unactuated=[...]")
+    if still is None and looped:
+        notes += ("the file has no motors: here each joint has one, but for unactuated=[...]",)
+    here = "none does here" if looped else "here each joint has one"
+    left = [name for name in still or () if name not in following]
+    notes += noted(f"no motor of the file drives {{}}; {here}", left)
     pulls = _motors(mujoco, model)
     one_way = [names.joints[j] for j in sorted(driven) if _is_one_way(model, pulls[j], j)]
-    if one_way:
-        notes.append(
-            f"motors that the file lets pull one way only are taken to pull both ways:"
-            f" {listed(one_way)}"
-        )
+    notes += noted(
+        "motors that the file lets pull one way only are taken to pull both ways: {}", one_way
+    )
     unlike = [names.joints[j] for j in sorted(driven) if _is_asymmetric(model, pulls[j], j)]
-    if unlike:
-        notes.append(
-            "motors that the file lets pull harder one way than the other are held to the smaller:"
-            f" {listed(unlike)}"
-        )
+    notes += noted(
+        "motors that the file lets pull harder one way than the other are held to the smaller: {}",
+        unlike,
+    )
     if part.floats:
         start = int(model.jnt_dofadr[part.root_joint])
-        for what, values in (
-            ("rotor inertia", model.dof_armature),
-            ("damping", model.dof_damping),
-            ("dry friction", model.dof_frictionloss),
-        ):
-            if np.any(values[start : start + BASE_NV]):
-                notes.append(f"the file gives the free joint {what}, which is not used")
-        if model.jnt_stiffness[part.root_joint]:
-            notes.append("the file gives the free joint a spring, which is not used")
-    if model.ntendon:
-        notes.append(
-            f"tendons are not read (their springs, limits and couplings): {listed(names.tendons)}"
+        base = slice(start, start + BASE_NV)
+        notes += tuple(
+            f"the file gives the free joint {what}, which is not used"
+            for what, given in (
+                ("rotor inertia", model.dof_armature[base]),
+                ("damping", model.dof_damping[base]),
+                ("dry friction", model.dof_frictionloss[base]),
+                ("a spring", model.jnt_stiffness[part.root_joint]),
+            )
+            if np.any(given)
         )
+    told = "tendons are not read (their springs, limits and couplings): {}"
+    notes += noted(told, names.tendons)
     if model.opt.density or model.opt.viscosity:
-        notes.append("the medium of the file (density, viscosity, wind) is not used")
-    return tuple(notes)
+        notes += ("the medium of the file (density, viscosity, wind) is not used",)
+    return notes
 
 
-def _disabled_notes(part: RobotPart) -> list[str]:
+def _disabled_notes(part: RobotPart) -> tuple[str, ...]:
     """Return notes of features that the file disables and that are used here nevertheless."""
-    bits, model, found = part.mujoco.mjtDisableBit, part.model, list[str]()
+    bits, model = part.mujoco.mjtDisableBit, part.model
     disabled = int(model.opt.disableflags)
-    if disabled & int(bits.mjDSBL_ACTUATION) and model.nu:
-        found.append("the file switches all motors off; here they act")
-    if disabled & int(bits.mjDSBL_CLAMPCTRL) and any(model.actuator_ctrllimited):
-        found.append("the file switches limits of controls off; here they bound efforts")
     no_limits = int(bits.mjDSBL_LIMIT) | int(bits.mjDSBL_CONSTRAINT)
-    if disabled & no_limits and any(model.jnt_limited[joint] for joint in part.joints):
-        found.append("the file switches limits of joints off; here its ranges are kept")
-    return found
+    limited = any(model.jnt_limited[joint] for joint in part.joints)
+    told = (
+        (bits.mjDSBL_ACTUATION, model.nu, "all motors off; here they act"),
+        (
+            bits.mjDSBL_CLAMPCTRL,
+            any(model.actuator_ctrllimited),
+            "limits of controls off; here they bound efforts",
+        ),
+        (no_limits, limited, "limits of joints off; here its ranges are kept"),
+    )
+    return tuple(
+        f"the file switches {words}" for bit, has, words in told if disabled & int(bit) and has
+    )
 
 
 def _is_one_way(model: Any, pull: Range, joint: int) -> bool:

@@ -9,11 +9,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from wbc.errors import ModelError, listed
+from wbc.errors import ModelError
 from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.formats.mujoco_part import RobotPart, acting_motors
 from wbc.robot.formats.mujoco_tree import pose_of
 from wbc.robot.formats.xml import LARGEST_GEAR
+from wbc.robot.notes import noted
 
 CONNECT = "mjEQ_CONNECT"
 TIES = (CONNECT, "mjEQ_WELD")  # of two frames
@@ -54,11 +55,8 @@ def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
             continue
         del found[name]
         found[coupling.driver] = around
-    beside = _outside_constraints(part)
-    notes: tuple[str, ...] = ()
-    if beside:
-        notes = (f"equality constraints with what is left out do not act: {listed(beside)}",)
-    return found, notes
+    told = "equality constraints with what is left out do not act: {}"
+    return found, noted(told, _outside_constraints(part))
 
 
 def _outside_constraints(part: RobotPart) -> list[str]:
@@ -175,14 +173,9 @@ def add_loops(
         # The one that is held, as seen from the first body.
         loops[name] = Loop((frames[1], frames[0]), "point" if is_point else "pose")
     passed = [names.equalities[k] or f"number {k}" for k in range(model.neq) if k not in tied]
-    notes: tuple[str, ...] = ()
-    if passed:
-        notes = (f"equality constraints that are not active: {listed(passed)}",)
-    if loops:
-        notes += (
-            f"closed loops: {listed([f'{name} ({one.kind})' for name, one in loops.items()])}",
-        )
-    return loops, notes
+    notes = noted("equality constraints that are not active: {}", passed)
+    told = [f"{name} ({one.kind})" for name, one in loops.items()]
+    return loops, notes + noted("closed loops: {}", told)
 
 
 def _ends(part: RobotPart, number: int) -> tuple[list[int], list[pin.SE3]]:

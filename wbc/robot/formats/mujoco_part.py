@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import ModelError, listed
+from wbc.robot.notes import noted
 
 LEAST_AXES_VOLUME = 0.5  # volume of three axes, of 1 where they are at right angles
 
@@ -113,14 +114,11 @@ def robot_part(mujoco: Any, model: Any, path: Path) -> RobotPart:
     joints = [k for k in range(model.njnt) if int(model.jnt_bodyid[k]) in owned]
     free = [k for k in joints if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_FREE]
     others = [names.bodies[body] for body in tops if body not in roots]
-    notes: tuple[str, ...] = ()
-    if others:
-        named = ", ".join(names.bodies[body] for body in roots)
-        notes = (f"bodies beside the robot, whose root is {named}, left out: {listed(others)}",)
+    named = ", ".join(names.bodies[body] for body in roots)
+    notes = noted(f"bodies beside the robot, whose root is {named}, left out: {{}}", others)
     floating_joints = _floating_joints(mujoco, model, roots, joints)
-    if floating_joints:
-        named = ", ".join(names.joints[k] for k in floating_joints)
-        notes += (f"joints of the root that are its floating base: {named}",)
+    own = [names.joints[k] for k in floating_joints]
+    notes += noted("joints of the root that are its floating base: {}", own, len(own))
     moving = tuple(k for k in joints if k not in free and k not in floating_joints)
     of_model = mujoco, model, names, path
     return RobotPart(*of_model, tuple(roots), bodies, moving, bool(free), floating_joints, notes)

@@ -16,6 +16,7 @@ from wbc.robot.formats.description import NO_RULES, ContactRules
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 from wbc.robot.formats.mujoco_tree import pose_of
 from wbc.robot.formats.triangles import Surfaces, Triangles
+from wbc.robot.notes import noted
 from wbc.validate import Array
 
 SHOWN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn; those above are for contacts only
@@ -138,9 +139,7 @@ def read_shapes(
             )
         )
     meshes = tuple(_triangles(model, mesh) for mesh in used)
-    notes: tuple[str, ...] = ()
-    if unknown:
-        notes = (f"shapes left out, as only the ground has such: {listed(unknown, 3)}",)
+    notes = noted("shapes left out, as only the ground has such: {}", unknown, 3)
     return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
 
 

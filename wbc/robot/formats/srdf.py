@@ -17,6 +17,7 @@ from wbc.robot.formats.urdf_exporters import refuse_macros
 from wbc.robot.formats.urdf_words import SIMILARITY
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.limits import BASE_NQ
+from wbc.robot.notes import noted
 
 COLLISIONS = ("disable_collisions", "disable_default_collisions", "enable_collisions")
 READ_ELEMENTS = ("group_state", "passive_joint", *COLLISIONS)
@@ -38,27 +39,23 @@ class Semantics:
 
         ``model`` has all joints of the description, none locked.
         """
-        notes = [*self.overwritten, *self.unread]
+        notes = self.overwritten + self.unread
         joints = {str(name) for name in model.names}
         for name, state in self.states.items():
             unknown = [
                 one for one, values in state.items() if one not in joints and len(values) < BASE_NQ
             ]
-            if unknown:
-                notes.append(f"SRDF, state {name!r}: the robot has no joint {listed(unknown)}")
+            notes += noted(f"SRDF, state {name!r}: the robot has no joint {{}}", unknown)
         frames = {str(frame.name) for frame in model.frames}
         links = sorted({link for pair in self.disabled for link in pair} - frames)
-        if links:
-            notes.append(f"SRDF, disable_collisions: the robot has no link {listed(links)}")
-        if lacking := [name for name in self.passive if name not in joints]:
-            notes.append(f"SRDF, passive_joint: the robot has no joint {listed(lacking)}")
-        passive = [name for name in self.passive if name in joints]
-        if passive:
-            notes.append(
-                f"SRDF, passive_joint: torques are asked of {listed(passive)} all the same; what"
-                " has no motor can be locked, or named in unactuated=[...]"
-            )
-        return tuple(notes)
+        notes += noted("SRDF, disable_collisions: the robot has no link {}", links)
+        lacking = [name for name in self.passive if name not in joints]
+        notes += noted("SRDF, passive_joint: the robot has no joint {}", lacking)
+        return notes + noted(
+            "SRDF, passive_joint: torques are asked of {} all the same; what has no motor can be"
+            " locked, or named in unactuated=[...]",
+            [name for name in self.passive if name in joints],
+        )
 
 
 def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
@@ -112,7 +109,7 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
             told += [f"<{tag}> in state {element.get('name')!r}" for tag in others]
         if element.tag == "virtual_joint" and element.get("type") not in (None, "floating"):
             told.append(f"<virtual_joint> of type {element.get('type')!r} (base='fixed' bolts it)")
-    return (f"SRDF, not read: {listed(told)}",) if told else ()
+    return noted("SRDF, not read: {}", told)
 
 
 def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:

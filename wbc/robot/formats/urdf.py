@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from wbc.errors import ModelError, listed
+from wbc.errors import ModelError
 from wbc.robot.formats.couplings import Coupling
 from wbc.robot.formats.description import (
     Description,
@@ -40,6 +40,7 @@ from wbc.robot.formats.urdf_shapes import UrdfGeometry
 from wbc.robot.formats.urdf_words import unknown_words
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
+from wbc.robot.notes import noted
 
 KNOWN = MOVING | {"fixed", "floating"}
 SIZES = {
@@ -84,9 +85,8 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     coupled = dict(_coupled_joints(joints, path))
     missing = resolve_meshes(root, path, package_dirs)
     notes += missing_notes(missing)
-    if shapeless:
-        some = listed([f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless], 3)
-        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
+    unknown = [f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless]
+    notes += noted(f"{len(unknown)} shapes that URDF does not know left out: {{}}", unknown, 3)
     missing_shapes = [
         f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"
     ]

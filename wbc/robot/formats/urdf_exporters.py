@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import pinocchio_reads
+from wbc.robot.notes import noted
 
 MOVING = {"revolute", "continuous", "prismatic"}
 LIMITS = ("lower", "upper", "effort", "velocity")
@@ -18,6 +19,7 @@ MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x
 GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
 VERSIONS = ("1.0", "1.1", "1.2")
 UNIQUE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
+DYNAMICS = {"damping", "friction"}
 UNREAD = ("safety_controller", "calibration")  # not used here
 SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
@@ -74,10 +76,10 @@ def drop_repeated(root: ET.Element) -> tuple[str, ...]:
     note of what was dropped.
     """
     found = []
-    joints = [(joint, f"joint {joint.get('name')!r}") for joint in root.findall("joint")]
-    for joint, what in joints:
-        for part in [one for one in joint if one.tag in UNREAD or _is_empty(one)]:
-            joint.remove(part)
+    for joint in root.findall("joint"):
+        what = f"joint {joint.get('name')!r}"
+        empty = [one for one in joint.findall("dynamics") if not DYNAMICS & {*one.attrib}]
+        _drop(joint, [one for one in joint if one.tag in UNREAD or one in empty])
         for tag in UNIQUE:
             found += [f"<{tag}> of {what}" for _ in _drop(joint, joint.findall(tag)[1:])]
     for link in root.findall("link"):
@@ -89,11 +91,7 @@ def drop_repeated(root: ET.Element) -> tuple[str, ...]:
                 more = [one for one in list(geometry)[1:] if not str(one.tag).startswith("{")]
                 _drop(geometry, more)
                 found += [f"<{one.tag}> as {shape.tag} of {what}" for one in more]
-    return (f"given twice, of which the first counts: {listed(found)}",) if found else ()
-
-
-def _is_empty(part: ET.Element) -> bool:
-    return part.tag == "dynamics" and not {"damping", "friction"} & set(part.attrib)
+    return noted("given twice, of which the first counts: {}", found)
 
 
 def _drop(element: ET.Element, parts: list[ET.Element]) -> list[ET.Element]:
@@ -123,7 +121,7 @@ def complete_materials(root: ET.Element) -> tuple[str, ...]:
         elif not len(material):
             ET.SubElement(material, "color", {"rgba": GREY})
         known.add(name)
-    return (f"grey, since their colours cannot be read: {listed(grey)}",) if grey else ()
+    return noted("grey, since their colours cannot be read: {}", grey)
 
 
 def _colour(text: str) -> str | None:
@@ -158,16 +156,15 @@ def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
             free.append(name)
         elif "velocity" in zero:
             still.append(name)
-    told = (
-        (
-            unset,
-            "limits of {} are all 0 (position, effort, speed), as exporters write where nothing was"
-            " entered: taken as none",
-        ),
-        (free, "{} have no range in the file: taken as without limits"),
-        (still, "speed limits of 0 are taken as none: {}"),
+    zero_limits = (
+        "limits of {} are all 0 (position, effort, speed), as exporters write where nothing was"
+        " entered: taken as none"
     )
-    return tuple(words.format(listed(names)) for names, words in told if names)
+    return (
+        noted(zero_limits, unset)
+        + noted("{} have no range in the file: taken as without limits", free)
+        + noted("speed limits of 0 are taken as none: {}", still)
+    )
 
 
 def _is_zero(text: str) -> bool:

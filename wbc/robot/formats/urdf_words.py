@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from typing import NamedTuple
 
-from wbc.errors import listed
+from wbc.robot.notes import noted
 
 
 class _Allowed(NamedTuple):
@@ -65,12 +65,10 @@ def unknown_words(root: ET.Element) -> tuple[str, ...]:
     for what, hint, owner in _unknown_in(root, "the robot"):
         more[what] = more.get(what, -1) + 1
         first.setdefault(what, f"{what} of {owner}{hint}")
-    if not first:
-        return ()
     told = [
         f"{words} and {k} more" if (k := more[what]) else words for what, words in first.items()
     ]
-    return (f"not read, as URDF does not know it: {listed(told)}",)
+    return noted("not read, as URDF does not know it: {}", told)
 
 
 def _unknown_in(element: ET.Element, owner: str) -> Iterator[tuple[str, str, str]]:
