@@ -30,6 +30,7 @@ class AxisTask(CoreTask):
 
     frame: str
     axis: ArrayAttribute  # unit, (3,), in the frame's axes
+    _units = "1"  # of entries of a unit vector
 
     def __init__(
         self,
@@ -81,11 +82,6 @@ class AxisTask(CoreTask):
         u2 = (d2 - 2.0 * stretch * u1 - (float(u1 @ d1) + float(goal @ d2)) * goal) / n
         self._assign(_goal=goal, target_rate=read_only(u1), target_acceleration=read_only(u2))
         self._assign(_bias=read_only(-u1), _drift=read_only(-u2))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """None: entries of a unit vector."""
-        return ("1",) * 3
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return what the native core needs of the axis and its target."""

@@ -41,6 +41,7 @@ class DampingTask(Task):
     """
 
     _unused = ERROR_ONLY
+    _units = "m/s or rad/s"
 
     def __init__(
         self,
@@ -70,11 +71,6 @@ class DampingTask(Task):
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is the velocity."""
         return Residual(self._still, self._jacobian, self._still)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Of velocities: base, then joints."""
-        return ("m/s or rad/s",) * len(self.rows)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: velocities are coordinates."""

@@ -43,6 +43,8 @@ class DistanceTask(Task):
     frame: str
     other: str
 
+    _units = "m"
+
     def __init__(
         self,
         robot: Robot,
@@ -75,11 +77,6 @@ class DistanceTask(Task):
         relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
         jacobian = (direction @ relative)[None]
         return Residual(np.array([distance]) - self._goal, jacobian, self._bias)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Metres."""
-        return ("m",)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the distance's second derivative at v' = 0, less the target's [m/s^2]."""

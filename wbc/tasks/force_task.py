@@ -138,6 +138,8 @@ class ForceTask(Task):
     @property
     def units(self) -> tuple[str, ...]:
         """Newtons, and newton metres of rows called ``m...``."""
+        if self._units:
+            return super().units
         return tuple("N m" if row.split()[-1].startswith("m") else "N" for row in self.rows)
 
     def _contact_frame(self, frame: str) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
+POSE_UNITS = dict.fromkeys(AXES, "m") | dict.fromkeys(TURNS, "rad")
 _STILL = zero_rate((3,))
 
 
@@ -33,6 +34,8 @@ class OrientationTask(CoreTask):
     """
 
     frame: str
+
+    _units = "rad"
 
     def __init__(
         self,
@@ -72,11 +75,6 @@ class OrientationTask(CoreTask):
         rows = native_orientation(self.frame, self._goal, *motion)
         return (rows._replace(moving=("", "", "_goal", "target_rate", "target_acceleration")),)
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Radians."""
-        return ("rad",) * 3
-
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return log(target' R) [rad]."""
         return posture.orientation_error(self.frame, self.target)
@@ -89,6 +87,8 @@ class PoseTask(PlacementTask, CoreTask):
     """
 
     frame: str
+
+    _units = POSE_UNITS
 
     def __init__(
         self,
@@ -120,11 +120,6 @@ class PoseTask(PlacementTask, CoreTask):
         turn = native_orientation(self.frame, self.rotation, *motion)
         turning = "", "", "rotation", "_turn_rate", "_turn_acceleration"
         return place, turn._replace(moving=turning)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Metres, then radians."""
-        return ("m",) * 3 + ("rad",) * 3
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m] above log(target' R) [rad]."""

@@ -27,7 +27,7 @@ from wbc.robot.names import BASE, COM, WORLD
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_array, names_of, plain_copy, read_only, real_array
+from wbc.validate import Array, finite_array, names_of, read_only, real_array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -134,11 +134,7 @@ class InertiaTask(Task):
         acceleration: ArrayLike | None = None,
     ) -> None:
         """Set the wanted inertia [kg m^2] and, if it moves, rate and acceleration in that form."""
-        plain = plain_copy(target, (3, 3))  # in every tick: no words unless they are needed
-        if plain is not None and _is_symmetric(plain):
-            goal = vech(plain)
-        else:
-            goal = vech_target(f"{self}, target", target, self.rows)
+        goal = vech_target(f"{self}, target", target, self.rows)
         if rate is not None:
             rate = vech_target(f"{self}, target rate", rate, self.rows)
         if acceleration is not None:
@@ -246,8 +242,6 @@ def _selection(components: Sequence[str]) -> Array:
 
 def _is_symmetric(full: Array) -> bool:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = full.tolist()
-    if xy == yx and xz == zx and yz == zy:  # to the last bit, as most are
-        return True
     largest = max(map(abs, (xx, xy, xz, yx, yy, yz, zx, zy, zz)))
     return max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) <= 1e-9 * largest
 

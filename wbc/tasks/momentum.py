@@ -41,6 +41,7 @@ class MomentumTask(CoreTask):
     """
 
     _unused = ERROR_ONLY
+    _units = dict.fromkeys(LINEAR, "kg m/s") | dict.fromkeys(ANGULAR, "kg m^2/s")
 
     def __init__(
         self,
@@ -76,11 +77,6 @@ class MomentumTask(CoreTask):
         """Return the selected entries."""
         rates, moving = (self._bias, self._drift), ("_bias", "_drift")
         return (NativeRows(Kind.MOMENTUM, None, self._entries, *rates, (), moving=moving),)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Newton seconds, and newton metre seconds about the CoM."""
-        return tuple("kg m/s" if row in LINEAR else "kg m^2/s" for row in self.rows)
 
     def symbolic_error(self, posture: SymbolicPosture) -> NoReturn:
         """Raise InvalidInputError: a posture has no momentum."""

@@ -27,6 +27,8 @@ AXES = ("x", "y", "z")
 class PointTask(CoreTask):
     """Bring a point to ``target`` along some of the world's axes; the error is in metres."""
 
+    _units = "m"
+
     def __init__(
         self, robot: Robot, name: str, target: ArrayLike, axes: Sequence[str], **law: Unpack[Gains]
     ) -> None:
@@ -58,11 +60,6 @@ class PointTask(CoreTask):
         wanted = point.copy()
         wanted[self._selected] = self._goal[self._selected]
         return Aim(point, wanted)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Metres."""
-        return ("m",) * len(self.rows)
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""

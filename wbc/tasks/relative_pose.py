@@ -13,7 +13,7 @@ from wbc.kinds import one_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
 from wbc.tasks.core_task import CoreTask
-from wbc.tasks.frame import TURNS
+from wbc.tasks.frame import POSE_UNITS, TURNS
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
@@ -51,6 +51,8 @@ class RelativePoseTask(PlacementTask, CoreTask):
     frame: str
     relative_to: str
 
+    _units = POSE_UNITS
+
     def __init__(
         self,
         robot: Robot,
@@ -81,11 +83,6 @@ class RelativePoseTask(PlacementTask, CoreTask):
         rows = NativeRows(Kind.RELATIVE, self.frame, self._chosen, still, still, numbers)
         moving = "", "", "position", "rotation", "target_rate", "target_acceleration"
         return (rows._replace(moving=moving, other=self.relative_to),)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Metres, then radians."""
-        return tuple("m" if row in AXES else "rad" for row in self.rows)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the error as an expression of the posture."""

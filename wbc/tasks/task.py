@@ -17,7 +17,7 @@ gives the value alone, at rest.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from inspect import isfunction
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
@@ -115,6 +115,9 @@ class Task(DeclaredAttributes, ABC):
     _fixed = dict.fromkeys(("robot", "rows"), "make another task")
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
+    _units: ClassVar[str | Mapping[str, str]] = (
+        ""  # of all reported entries, or of each by its name
+    )
     _tested = True  # whether what it returns needs no look: set below for what is derived
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
 
@@ -277,7 +280,8 @@ class Task(DeclaredAttributes, ABC):
     @property
     def units(self) -> tuple[str, ...]:
         """Units of the entries of what :meth:`deviation` returns; empty if it does not say."""
-        return ("",) * len(self.reported_rows)
+        known, rows = self._units, self.reported_rows
+        return tuple(known if isinstance(known, str) else known[row] for row in rows)
 
     def aim(self, snapshot: Snapshot) -> Aim | None:
         """Return which point the task moves and where to, for pictures; None if it is no place."""

@@ -27,6 +27,8 @@ class TorqueTask(ForceTask):
         See :class:`~wbc.tasks.force_task.ForceTask`; light by default, beside tasks of motion.
     """
 
+    _units = "N m or N"
+
     def __init__(
         self,
         robot: Robot,
@@ -64,8 +66,3 @@ class TorqueTask(ForceTask):
         """Return torques minus the wanted ones."""
         torque = dynamics.torque(self._joints)
         return Affine(torque.matrix, torque.constant - self.target[self._joints])
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Newton metres; newtons of sliding joints are not told apart."""
-        return ("N m or N",) * len(self.rows)
