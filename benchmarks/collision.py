@@ -144,13 +144,13 @@ def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
 def times(solver: str, ticks: int) -> None:
     """Time the tick benchmark's job with and without margins in turns; medians in CPU time."""
     robot = Robot.load("g1")
-    bare = job.make_run(robot, solver, "equality")
+    bare = job.make_run(robot, solver)
     bare.label = "none"
     runs = [bare]
     for fit in ("capsule", "hull"):
         for few in (True, False):
             margins = watched(robot, fit, few)
-            run = job.make_run(robot, solver, "equality", constraints=[margins])
+            run = job.make_run(robot, solver, constraints=[margins])
             run.label = f"{fit}, {PAIRS} of {len(margins.model.pairs)}"
             runs.append(run)
     turn = 10  # ticks: short turns, so that a change of the machine's pace hits all alike

@@ -67,6 +67,7 @@ class Replay:
         given, level = episode["limits"], episode["level"]
         limits = None if given is None else wbc.Limits(robot, **given)
         options = dict(episode["options"])
+        options.pop("formulation", None)  # of older files: it made no difference
         options["solver"] = solver_known(solver or options["solver"])
         self.robot = robot
         self._contacts = {

@@ -450,7 +450,6 @@ class Episode:
             slack=slack,
             dt=self.dt,
             solver=self.solver,
-            formulation="reduced" if rng.random() < 0.3 else "equality",
             damping=decades(rng, -8, -2) if rng.random() < 0.3 else 1e-6,
             joint_weights={"*": decades(rng, -2, 2)} if rng.random() < 0.2 else None,
             on_failure=str(rng.choice(("hold", "damp", "closest"))),

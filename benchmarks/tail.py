@@ -34,7 +34,7 @@ class Loop:
     """A closed loop with moving targets; ``body`` is one round of it."""
 
     def __init__(self, robot: Robot, solver: str) -> None:
-        self.run = run = make_run(robot, solver, "equality")
+        self.run = run = make_run(robot, solver)
         self.robot, self.q, self.v, self.failures = robot, run.q, run.v, 0
 
     def body(self, k: int) -> float:

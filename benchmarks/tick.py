@@ -4,7 +4,7 @@ The job: a humanoid on both feet follows moving targets for its inertia, CoM and
 with a posture task, position and velocity limits, dt = 5 ms; 2,000 ticks after 200 of warm-up.
 Figures of other packages for the same job without an inertia task are in docs/figures.md.
 
-Solvers and formulations are interleaved, block by block, so that drift of the machine's speed
+Solvers are interleaved, block by block, so that drift of the machine's speed
 affects all alike. Medians are wall time; p99 is thread CPU time, which other processes do not
 disturb. Every round is its own process, since the layout of memory is part of the noise.
 
@@ -109,7 +109,7 @@ class Run:
         return {name: getattr(self, name) for name in names} | {"slip": max(slips)}
 
 
-def make_run(robot: Robot, solver: str, formulation: str, **parts: Any) -> Run:
+def make_run(robot: Robot, solver: str, **parts: Any) -> Run:
     q = robot.posture("standing")
     here = robot.snapshot(q)
     torso = torso_frame(robot)
@@ -127,10 +127,9 @@ def make_run(robot: Robot, solver: str, formulation: str, **parts: Any) -> Run:
         limits=Limits(robot),
         dt=DT,
         solver=solver,
-        formulation=formulation,
         **parts,
     )
-    return Run(f"{solver} {formulation}", robot, controller, q, np.zeros(robot.nv), start)
+    return Run(solver, robot, controller, q, np.zeros(robot.nv), start)
 
 
 def torso_frame(robot: Robot) -> str:
@@ -145,7 +144,7 @@ def torso_frame(robot: Robot) -> str:
 
 def run_round(robot: Robot, solvers: list[str], ticks: int) -> dict[str, Any]:
     """Return the measurements of this process, by kind of tick."""
-    runs = [make_run(robot, s, f) for s in solvers for f in ("equality", "reduced")]
+    runs = [make_run(robot, solver) for solver in solvers]
     before = reference_time()
     for _ in range(-(-(WARM_UP + ticks) // BLOCK)):
         for run in runs:

@@ -117,7 +117,7 @@ def calls(hoap2: Robot) -> list[Call]:
                                            "model": None, **margin}),
         ("distances", collision.distances, {"snapshot": s, "keys": np.arange(2)}),
         ("tilt", wbc.TiltLimit, {"robot": hoap2, "frame": "base", "angle": 0.4, **margin}),
-        ("velocity", wbc.KinematicController, contacts | {"formulation": "equality"}),
+        ("velocity", wbc.KinematicController, contacts | {"on_failure": "hold"}),
         ("torque", wbc.TorqueController, contacts | {"on_failure": "damp", "delay": 0.0}),
         ("tick", torque.step, {"snapshot": s, "wrenches": None}),
         ("walker", Walker, {"robot": hoap2, "weights": None, "limits": None, "tasks": ()}),

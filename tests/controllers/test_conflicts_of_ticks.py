@@ -12,7 +12,7 @@ from wbc.qp import Status
 LEAST = 5  # of so many wild states in a row, that have none
 
 
-def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
+def conflicts_of(robot, solver: str, count: int) -> int:
     """Check the conflicts of wild ticks; return how many there were."""
     rng, found = np.random.default_rng(3), 0
     start = robot.snapshot(robot.posture("standing"))
@@ -26,7 +26,7 @@ def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
             feet.append(Contact(robot, "left_foot", away, here.rotation("left_foot")))
         one = wbc.KinematicController(
             robot, [wbc.ComTask(robot, here.com + 0.05)], contacts=feet, solver=solver,
-            limits=wbc.Limits(robot), formulation=formulation,
+            limits=wbc.Limits(robot),
             constraints=[wbc.SelfCollision(robot, margin=0.03)],
         )  # fmt: skip
         tick = one.step(here)
@@ -38,23 +38,9 @@ def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
 
 @pytest.mark.slow
 @needs_bench
-@pytest.mark.parametrize(
-    ("solver", "formulation"),  # each backend in one of them; proxqp in both, below
-    [
-        *(("clarabel", "equality"), ("daqp", "equality"), ("osqp", "equality")),
-        *(("active_set", "reduced"), ("piqp", "reduced")),
-    ],
-)
-def test_conflicts_of_wild_ticks_are_true_with_every_backend(
-    hoap2, solver: str, formulation: str
-) -> None:
-    assert conflicts_of(hoap2, formulation, solver, 40) >= LEAST
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
-def test_conflicts_of_wild_ticks_are_true_in_both_formulations(hoap2, formulation: str) -> None:
-    assert conflicts_of(hoap2, formulation, "proxqp", 24) >= LEAST
+@pytest.mark.parametrize("solver", ["proxqp", "active_set", "clarabel", "daqp", "osqp", "piqp"])
+def test_conflicts_of_wild_ticks_are_true_with_every_backend(hoap2, solver: str) -> None:
+    assert conflicts_of(hoap2, solver, 40) >= LEAST
 
 
 def test_every_relaxed_tick_names_rows_that_contradict_and_are_all_needed(hoap2) -> None:

@@ -1,4 +1,4 @@
-"""The velocity-level controller: formulations agree, limits hold, failures are values."""
+"""The velocity-level controller: limits hold, failures are values."""
 
 from collections.abc import Callable
 from time import perf_counter
@@ -12,7 +12,7 @@ from wbc.controllers import KinematicController
 from wbc.controllers.tick import Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.tasks import ComTask, InertiaTask, OrientationTask, PostureTask, Task
+from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
 DT = 0.005
 HUMANOIDS = ("hoap2_like", "g1_27", "talos")
@@ -31,15 +31,6 @@ def bring_inside(robot: Robot, q: np.ndarray) -> np.ndarray:
     return robot.integrate(q, np.concatenate((np.zeros(6), within - p)), 1.0)
 
 
-def some_tasks(robot: Robot, here: Snapshot, rng: np.random.Generator) -> list[Task]:
-    return [
-        InertiaTask(robot, here.inertia * rng.uniform(0.7, 1.3), per_mass=True, weight=3.0),
-        ComTask(robot, here.com + 0.02 * rng.normal(size=3), weight=5.0),
-        OrientationTask(robot, "base", here.rotation("base")),
-        PostureTask(robot, here.q, weight=0.1),
-    ]
-
-
 def test_joints_come_back_though_all_tasks_are_off(g1_27: Robot) -> None:
     """Against the damping alone: 100 to 1, so by 100/101 of the rate that is asked for."""
     q = g1_27.posture("standing")
@@ -52,31 +43,6 @@ def test_joints_come_back_though_all_tasks_are_off(g1_27: Robot) -> None:
     wanted = -limits.recovery / DT * 0.01
     assert back[knee] == pytest.approx(100.0 / 101.0 * wanted, rel=1e-4)
     assert np.abs(np.delete(back, knee)).max() < 1e-6
-
-
-@pytest.mark.parametrize("name", HUMANOIDS)
-@pytest.mark.parametrize("mode", ["left", "right", "double"])
-def test_reduced_and_equality_forms_agree(name, mode, robot_named: Load, rng) -> None:
-    robot = robot_named(name)
-    for _ in range(5):
-        here = stance(robot, rng)
-        tasks = some_tasks(robot, here, rng)
-        velocities = []
-        for formulation in ("equality", "reduced"):
-            controller = KinematicController(
-                robot,
-                tasks,
-                contacts=support(here, mode),
-                limits=Limits(robot),
-                damping=1e-4,
-                formulation=formulation,
-            )
-            tick = controller.step(here)
-            assert tick.ok, tick.report()
-            assert tick.solution.residuals.primal < 1e-7
-            assert tick.solution.residuals.dual < 1e-6
-            velocities.append(tick.velocity)
-        np.testing.assert_allclose(velocities[0], velocities[1], atol=1e-6)
 
 
 def test_a_list_of_frames_and_points_can_be_held(hoap2: Robot, rng) -> None:
@@ -148,9 +114,7 @@ def test_from_outside_its_limits_a_robot_comes_back(mode, spread, hoap2: Robot, 
         assert limits.worst_margin(q)[0] > (start if mode == "double" else 0.0) - 1e-6
 
 
-def contradictory(
-    robot: Robot, here: Snapshot, on_failure: str, formulation: str = "equality"
-) -> KinematicController:
+def contradictory(robot: Robot, here: Snapshot, on_failure: str) -> KinematicController:
     """One sole asked to be in two places."""
     elsewhere = Contact(
         robot, "left_foot", here.position("left_foot") + [0.1, 0, 0], here.rotation("left_foot")
@@ -161,16 +125,12 @@ def contradictory(
         contacts=[Contact.hold(here, "left_sole"), elsewhere],
         limits=Limits(robot),
         on_failure=on_failure,
-        formulation=formulation,
     )
 
 
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
-def test_an_infeasible_tick_names_the_rows_and_commands_nothing(
-    formulation: str, hoap2: Robot, rng
-) -> None:
+def test_an_infeasible_tick_names_the_rows_and_commands_nothing(hoap2: Robot, rng) -> None:
     here = stance(hoap2, rng)
-    tick = contradictory(hoap2, here, "hold", formulation).step(here)
+    tick = contradictory(hoap2, here, "hold").step(here)
     assert not tick.ok
     assert tick.status.value == "infeasible"
     assert tick.policy == "hold"
@@ -226,8 +186,6 @@ def test_parts_are_checked_before_anything_moves(hoap2: Robot, robot_named: Load
     with pytest.raises(InvalidInputError, match="expected a snapshot of hoap2_like"):
         talos = robot_named("talos")
         KinematicController(hoap2, [com]).step(talos.snapshot(talos.posture("standing")))
-    with pytest.raises(UnknownNameError, match="did you mean 'reduced'"):
-        KinematicController(hoap2, [com], formulation="reducd")
     with pytest.raises(UnknownNameError, match="proxqp"):
         KinematicController(hoap2, [com], solver="proxpq")
     with pytest.raises(UnknownNameError, match="failure policy"):

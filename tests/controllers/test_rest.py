@@ -31,13 +31,10 @@ def shaping(robot: Robot, **options) -> KinematicController:
     return KinematicController(robot, tasks, **given)
 
 
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("braking", ["free", "bounded"])
-def test_first_tick_without_velocity_keeps_the_acceleration_limit(
-    hoap2, formulation: str, braking: str
-) -> None:
+def test_first_tick_without_velocity_keeps_the_acceleration_limit(hoap2, braking: str) -> None:
     limits = Limits(hoap2, braking=braking)
-    controller = shaping(hoap2, limits=limits, formulation=formulation)
+    controller = shaping(hoap2, limits=limits)
     q = hoap2.posture("standing")
     tick = controller.step(hoap2.snapshot(q))
     assert tick.ok
@@ -45,7 +42,7 @@ def test_first_tick_without_velocity_keeps_the_acceleration_limit(
     assert part.max() <= 1.0 + CLOSE
     # With gains lowered for braking's sake they may not reach it.
     assert braking == "bounded" or part.max() >= 1.0 - CLOSE
-    same = shaping(hoap2, limits=Limits(hoap2, braking=braking), formulation=formulation)
+    same = shaping(hoap2, limits=Limits(hoap2, braking=braking))
     still = same.step(hoap2.snapshot(q, np.zeros(hoap2.nv)))
     np.testing.assert_array_equal(tick.velocity, still.velocity)
 

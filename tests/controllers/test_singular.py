@@ -104,11 +104,10 @@ def test_joint_weights_do_not_move_the_threshold(
         assert fastest(knee)[0] < 1.0 / least
 
 
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("knee", [0.5, 0.1, 0.01, 0.0])
 @pytest.mark.parametrize("name", KNEES)
 def test_a_task_gets_the_rates_of_damped_least_squares(
-    name: str, knee: float, formulation: str, robot_named: Load
+    name: str, knee: float, robot_named: Load
 ) -> None:
     """Oracle: sum of v s / max(s, threshold)^2 u' wanted over the singular values s.
 
@@ -121,7 +120,6 @@ def test_a_task_gets_the_rates_of_damped_least_squares(
         up(robot, here, singular_threshold=threshold),
         contacts=support(here, "double"),
         damping=damping,
-        formulation=formulation,
     ).step(here)
     free = null_space(held(here))
     U, s, Vt = np.linalg.svd(here.com_jacobian @ free, full_matrices=False)
@@ -164,11 +162,8 @@ def trunk(robot: Robot) -> list[str]:
     return [name for name in robot.joint_names if name.startswith(("waist", "torso"))]
 
 
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("name", ARMS)
-def test_a_straight_arm_below_a_trunk_that_stays(
-    name: str, formulation: str, robot_named: Load
-) -> None:
+def test_a_straight_arm_below_a_trunk_that_stays(name: str, robot_named: Load) -> None:
     """Singular because of the level above; oracle: SVD in what contacts and that level leave."""
     robot, threshold = robot_named(name), 0.1
     _, hand, (first, last) = ARMS[name]
@@ -176,10 +171,7 @@ def test_a_straight_arm_below_a_trunk_that_stays(
     for angle in np.linspace(first, last, 30):
         for least, fastest in speeds.items():
             here, tasks = reaching(robot, name, angle, least)
-            controller = KinematicController(
-                robot, tasks, contacts=support(here, "double"), formulation=formulation
-            )
-            tick = controller.step(here)
+            tick = KinematicController(robot, tasks, contacts=support(here, "double")).step(here)
             fastest.append(speed(tick))
         base = here.jacobian("base")
         joints = np.eye(robot.nv)[[6 + robot.joint_names.index(joint) for joint in trunk(robot)]]

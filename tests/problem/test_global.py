@@ -260,7 +260,7 @@ def test_without_a_posture_there_is_no_result(
         {"tasks.hand": {"type": "frame", "frame": "left_hand", "control": "position",
                         "target": {"offset": [0, 0, 0.05]}, "weight": 10}},
         {"tasks.shape": {"type": "inertia", "components": "principal", "target": {"scale": 1.2}}},
-        {"controller.formulation": "reduced", "controller.solver": "proxqp_cold"},
+        {"controller.solver": "proxqp_cold"},
     ],
     ids=lambda overrides: next(iter(overrides)),
 )  # fmt: skip

@@ -14,7 +14,6 @@ from pydantic import ValidationError
 
 import wbc
 from wbc.constraints.limits import BRAKING
-from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.controller_spec import GlobalSpec
@@ -182,7 +181,6 @@ def test_planning_weights_default_to_the_planner_s() -> None:
 @pytest.mark.parametrize(
     ("section", "key", "words"),
     [
-        ("QpSpec", "formulation", FORMULATIONS),
         ("QpSpec", "on_failure", POLICIES),
         ("TorqueSpec", "on_failure", TORQUE_POLICIES),
         ("LimitsSpec", "braking", BRAKING),

@@ -76,7 +76,6 @@ MISTAKES = [
     ("solver: proxqp", "solver: proxpq", 11, "controller.solver: unknown QP solver 'proxpq'; did"),
     ("solver: proxqp", "method: qpp", 11,
      "controller.method: 'qpp' does not exist; did you mean 'qp'"),
-    ("solver: proxqp", "formulation: full", 11, "controller.formulation: 'full' does not exist"),
     ("accept: {com:", "accept: {cmo:", 12,
      "stop.accept.cmo: unknown task 'cmo'; did you mean 'com'?"),
     # numbers

@@ -130,7 +130,6 @@ def test_other_supports(tmp_path: Path, head: str) -> None:
     "overrides",
     [
         {"controller": {"method": "pseudo_inverse", "damping": 1e-2}},
-        {"controller.formulation": "reduced"},
         {"limits": "none"},
         {"tasks.shape.components": "principal", "tasks.shape.target": "start"},
         {"tasks.shape.components": "trace", "tasks.shape.target": 0.22, "tasks.shape.ramp": 0.1},

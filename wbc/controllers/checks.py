@@ -27,7 +27,7 @@ from wbc.validate import Array
 # Attributes that are fixed in a controller's plan, and what to do instead of assigning them.
 MAKE_ANOTHER = "make another controller"
 FIXED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
-    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), MAKE_ANOTHER
+    ("robot", "limits", "dt", "damping", "joint_weights", "backend"), MAKE_ANOTHER
 )
 
 FAR_OUTSIDE = 0.2  # rad, m: more than any joint's calibration error

@@ -49,8 +49,6 @@ from wbc.tasks.task import Task
 from wbc.tasks.validation import deviation_of, drift_of, residual_of
 from wbc.validate import Array, finite_number, read_only, time_step
 
-# Contacts are equality rows, which the core eliminates: both names mean the same now.
-FORMULATIONS = ("equality", "reduced")
 COMPETING_CHECK_FROM = 128  # ticks after which a robot may be at rest, its tasks competing
 Evaluate = Callable[[CorePlan], list[TaskEvaluation]]
 
@@ -78,9 +76,6 @@ class Controller(DeclaredAttributes, ABC):
     solver:
         A backend, or its name: ``"proxqp"`` or any that qpsolvers finds installed. Controllers that
         share a backend share its warm starts, one for each set of contacts.
-    formulation:
-        ``"equality"`` or ``"reduced"``: both are the same now, the core eliminates contacts to a
-        smaller QP with the same optimum (paper eqs. 34-37).
     damping:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     joint_weights:
@@ -108,7 +103,6 @@ class Controller(DeclaredAttributes, ABC):
     damping: float
     joint_weights: Array
     backend: Backend
-    formulation: str
     on_failure: str
     plan: LevelPlan
     slacks: Slacks
@@ -145,24 +139,20 @@ class Controller(DeclaredAttributes, ABC):
         slack: Mapping[str, float] | None = None,
         dt: float = 0.005,
         solver: str | Backend = "proxqp",
-        formulation: str = "equality",
         damping: float = 1e-6,
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
         deadline: float | None = None,
     ) -> None:
         checks.refuse_positional(more)
-        contacts, slack = (
-            checks.contacts_or_warn(robot, contacts),
-            NO_SLACK if slack is None else slack,
-        )
+        contacts = checks.contacts_or_warn(robot, contacts)
+        slack = NO_SLACK if slack is None else slack
         self.robot, self.limits, self.ticks = robot, limits, 0
         self._set_parts(tasks, contacts, constraints, slack)
         self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
-        self.formulation = one_of("formulation", formulation, FORMULATIONS)
         self.on_failure, self.deadline = on_failure, deadline
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._decides_forces)

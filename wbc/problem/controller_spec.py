@@ -12,7 +12,6 @@ from pydantic_core import PydanticCustomError
 from wbc.constraints.contact import DEFAULT_FRICTION
 from wbc.constraints.friction import FrictionCone
 from wbc.controllers import Controller, KinematicController, TorqueController
-from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.section import Name, NonNegative, Positive, Section, Words, default_of
@@ -83,10 +82,6 @@ class SolverSettings(ControllerSpec):
     """The QP solver: proxqp, active_set, or any that qpsolvers finds installed."""
     eps: Positive | None = None
     """Accuracy asked of the solver; null: its default here."""
-    formulation: Annotated[str, Words(FORMULATIONS)] = default_of(
-        KinematicController, "formulation"
-    )
-    """equality or reduced: both are the same, contacts are eliminated by the core."""
     deadline: Positive | None = default_of(KinematicController, "deadline")
     """Time that a tick may take [s]; once it is over nothing is solved again. null: no deadline."""
 
@@ -112,7 +107,7 @@ class QpSettings(SolverSettings):
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
         """Return a new controller."""
-        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure", "deadline"}
+        keys = {"dt", "joint_weights", "damping", "on_failure", "deadline"}
         settings = self.model_dump(include=keys)
         return KinematicController(robot, tasks, solver=self.backend(), **settings, **parts)
 

@@ -11,7 +11,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import listed
 from wbc.robot.formats.description import NO_RULES, ContactRules
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 from wbc.robot.formats.mujoco_tree import pose_of
