@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -95,6 +95,15 @@ def check_unmasked(what: str, value: Any) -> None:
             f"{what}: a masked array, of which the values behind the mask would be taken; give a"
             " plain one (array.filled(...), or array.compressed())"
         )
+
+
+def answer_of(asked: object, method: str, call: Callable[..., Any], *given: Any) -> Any:
+    """Return what a user's method returns; what it raises gets a note that names it."""
+    try:
+        return call(*given)
+    except Exception as raised:
+        raised.add_note(f"raised by {method}() of {asked}, a {type(asked).__name__}")
+        raise
 
 
 def returned_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:

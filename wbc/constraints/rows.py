@@ -111,6 +111,9 @@ class Constraint(ABC):
         super().__init_subclass__(**options)
         cls._tested = cls.__module__.startswith("wbc.")
 
+    def __str__(self) -> str:
+        return f"constraint {self.name!r}"
+
     @abstractmethod
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return the rows for the next velocity, to be applied for ``dt``."""

@@ -5,7 +5,7 @@ The package's own constraints are not checked.
 
 from __future__ import annotations
 
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from wbc.constraints.rows import Bounds, Constraint, Distances
 from wbc.errors import InvalidInputError, shown
 from wbc.laws import Rows
 from wbc.robot import Snapshot
-from wbc.validate import Array, real_array, returned_array
-
-Method = Literal["rows", "braked_rows", "cutting_planes"]
+from wbc.validate import Array, answer_of, real_array, returned_array
 
 
 def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: bool) -> Bounds:
@@ -27,8 +25,8 @@ def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: boo
         A user's constraint returns something else, or shapes that do not match its labels and the
         robot's nv; the message names constraint and field.
     """
-    method: Method = "braked_rows" if braked else "rows"
-    found = _call(constraint, method, snapshot, dt)
+    method = "braked_rows" if braked else "rows"
+    found = answer_of(constraint, method, getattr(constraint, method), snapshot, dt)
     if constraint._tested:
         return cast(Bounds, found)
     return _checked(constraint, method, found)
@@ -38,7 +36,8 @@ def cutting_planes_of(
     constraint: Constraint, there: Snapshot, v: Array, dt: float, rows: Bounds
 ) -> Bounds | None:
     """Return the cutting planes at the end of a step by ``v``, or None; see :class:`Constraint`."""
-    found = _call(constraint, "cutting_planes", there, v, dt, rows)
+    planes = constraint.cutting_planes
+    found = answer_of(constraint, "cutting_planes", planes, there, v, dt, rows)
     if constraint._tested or found is None:
         return cast(Bounds | None, found)
     return _checked(constraint, "cutting_planes", found)
@@ -52,23 +51,13 @@ def check_rows(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
     InvalidInputError
         As :func:`bounds_of` does; also of constraints of this package.
     """
-    _checked(constraint, "rows", _call(constraint, "rows", snapshot, dt))
+    _checked(constraint, "rows", answer_of(constraint, "rows", constraint.rows, snapshot, dt))
 
 
-def _call(constraint: Constraint, method: Method, *given: Any) -> Any:
-    """Call a method of a constraint; exceptions get a note that names it."""
-    try:
-        return getattr(constraint, method)(*given)
-    except Exception as error:
-        kind = type(constraint).__name__
-        error.add_note(f"raised by {method}() of constraint {constraint.name!r}, a {kind}")
-        raise
-
-
-def _checked(constraint: Constraint, method: Method, found: object) -> Bounds:
+def _checked(constraint: Constraint, method: str, found: object) -> Bounds:
     """Return rows with all fields checked, and converted to arrays."""
     nv = constraint.robot.nv
-    what = f"constraint {constraint.name!r}: {method}()"
+    what = f"{constraint}: {method}()"
     if not isinstance(found, Bounds):
         raise InvalidInputError(
             f"{what} must return Bounds with labels, matrix (m, {nv}), lower (m,) and upper (m,);"

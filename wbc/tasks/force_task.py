@@ -15,8 +15,8 @@ from wbc.errors import InvalidInputError, shown
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
-from wbc.tasks.validation import asked, is_tested
-from wbc.validate import Array, returned_array
+from wbc.tasks.validation import is_tested
+from wbc.validate import Array, answer_of, returned_array
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -112,7 +112,9 @@ class ForceTask(Task):
         if is_tested(self, "expression"):
             matrix, constant = self.expression(dynamics)
         else:
-            matrix, constant = self._checked(asked(self, "expression", dynamics), dynamics.size)
+            matrix, constant = self._checked(
+                answer_of(self, "expression", self.expression, dynamics), dynamics.size
+            )
         return Rows(matrix / dynamics.unit, constant / -dynamics.unit, self.weight)
 
     def _checked(self, found: object, n: int) -> Affine:

@@ -19,7 +19,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.laws import Residual
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
-from wbc.validate import FLOAT, LARGEST, Array, finite_number, returned_array
+from wbc.validate import FLOAT, LARGEST, Array, answer_of, finite_number, returned_array
 
 _ARRAY, _hypot = np.ndarray, math.hypot
 
@@ -41,11 +41,7 @@ def residual_of(task: Task, snapshot: Snapshot) -> Residual:
     own = task.__dict__
     if task._tested and "residual" not in own:
         return task.residual(snapshot)
-    try:
-        found = task.residual(snapshot)
-    except Exception as raised:
-        _name(raised, task, "residual")
-        raise
+    found = answer_of(task, "residual", task.residual, snapshot)
     if type(found) is Residual:
         error, jacobian, bias, curvature, bound = found
         of_rows, of_jacobian = own.get("_shapes") or _shapes(task)
@@ -69,7 +65,7 @@ def drift_of(task: Task, snapshot: Snapshot) -> Array:
     """Return the drift (k,) of a task; raises as :func:`residual_of` does."""
     if is_tested(task, "drift"):
         return task.drift(snapshot)
-    found = asked(task, "drift", snapshot)
+    found = answer_of(task, "drift", task.drift, snapshot)
     of_rows, _ = task.__dict__.get("_shapes") or _shapes(task)
     if (
         type(found) is _ARRAY
@@ -85,17 +81,8 @@ def deviation_of(task: Task, snapshot: Snapshot, residual: Residual) -> Array:
     """Return what a task reports as its error; raises as :func:`residual_of` does."""
     if is_tested(task, "deviation"):
         return task.deviation(snapshot, residual)
-    found = asked(task, "deviation", snapshot, residual)
+    found = answer_of(task, "deviation", task.deviation, snapshot, residual)
     return returned_array(f"{task}: deviation()", found, (len(task.reported_rows),))
-
-
-def asked(task: Task, method: str, *given: Any) -> Any:
-    """Call a method of a task; what it raises is its own, and gets a note."""
-    try:
-        return getattr(task, method)(*given)
-    except Exception as raised:
-        _name(raised, task, method)
-        raise
 
 
 def check_residual(task: Task, snapshot: Snapshot) -> None:
@@ -106,11 +93,7 @@ def check_residual(task: Task, snapshot: Snapshot) -> None:
     InvalidInputError
         As :func:`residual_of` does; also of tasks of this package.
     """
-    _checked(task, asked(task, "residual", snapshot))
-
-
-def _name(raised: Exception, task: Task, method: str) -> None:
-    raised.add_note(f"raised by {method}() of {task}, a {type(task).__name__}")
+    _checked(task, answer_of(task, "residual", task.residual, snapshot))
 
 
 def _shapes(task: Task) -> tuple[tuple[int], tuple[int, int]]:
@@ -149,12 +132,7 @@ def _checked(task: Task, found: object) -> Residual:
 
 
 def _evaluated(task: Task, what: str, bound: Callable[[], float | Array]) -> float | Array:
-    try:
-        value = bound()
-    except Exception as raised:
-        _name(raised, task, "curvature_bound")
-        raise
-    return _bound(what, value, task.robot.nv)
+    return _bound(what, answer_of(task, "curvature_bound", bound), task.robot.nv)
 
 
 def _bound(what: str, value: Any, nv: int) -> float | Array:
