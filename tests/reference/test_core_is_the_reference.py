@@ -258,6 +258,7 @@ def three_levels(case: Case) -> None:
 
 
 Build = Callable[[Case], None]
+SINGLE = every_kind, on_one_foot, pointing, floating, soft_foot, margins
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -277,29 +278,15 @@ def test_tick_of_three_priorities_agrees_with_the_cascade(level: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("build", [every_kind, on_one_foot, pointing, floating, soft_foot, margins])
+@pytest.mark.parametrize("build", [*SINGLE, two_levels, three_levels])
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_random_ticks_of_one_level_agree_with_the_textbook(
-    name: str, level: str, build: Build
-) -> None:
+def test_random_ticks_agree_with_the_textbook(name: str, level: str, build: Build) -> None:
+    stream, tolerances = (3, ONE_LEVEL) if build in SINGLE else (4, CASCADE)
     for seed in range(3):
-        case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 3]))
+        case = Case(load(name), LEVELS[level], np.random.default_rng([seed, stream]))
         build(case)
-        case.assert_agrees(4, ONE_LEVEL)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("build", [two_levels, three_levels])
-@pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("name", ROBOTS)
-def test_random_ticks_of_priorities_agree_with_the_cascade(
-    name: str, level: str, build: Build
-) -> None:
-    for seed in range(3):
-        case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 4]))
-        build(case)
-        case.assert_agrees(4, CASCADE)
+        case.assert_agrees(4, tolerances)
 
 
 @pytest.mark.slow

@@ -25,14 +25,13 @@ class Mine(Task):
     def __init__(self, robot: Robot, name: str = "mine") -> None:
         super().__init__(robot, name, ("x", "y", "z"))
         self.__dict__["change"] = lambda residual: residual
-        self.__dict__["drifts"] = lambda drift: drift
 
     def residual(self, snapshot):
         error = np.array(snapshot.com) - [0.0, 0.0, 0.28]
         return self.change(Residual(error, np.array(snapshot.com_jacobian), np.zeros(3)))
 
     def drift(self, snapshot):
-        return self.drifts(np.array(snapshot.com_drift))
+        return np.array(snapshot.com_drift)
 
 
 class Still(Mine):
@@ -40,6 +39,16 @@ class Still(Mine):
 
     def residual(self, snapshot):
         return self.change(Residual(np.zeros(3), np.array(snapshot.com_jacobian), np.zeros(3)))
+
+
+class Drifting(Mine):
+    """The same, whose drift changes."""
+
+    def residual(self, snapshot):
+        return Residual(np.zeros(3), np.array(snapshot.com_jacobian), np.zeros(3))
+
+    def drift(self, snapshot):
+        return self.change(super().drift(snapshot))
 
 
 def place(name: str, value):
@@ -114,30 +123,28 @@ def controller_of(robot: Robot, level: str, task: Task, as_contact: bool = False
     return LEVELS[level](robot, tasks, **given), here
 
 
-def given_up(controller, here, task: Task, change) -> InvalidInputError:
+def given_up(level: str, task: Task, change, part=None, **options) -> str:
+    """What the error says once a part, by default the task, returns something else."""
+    controller, here = controller_of(task.robot, level, task, **options)
     for _ in range(LATER):
         assert controller.step(here).ok
-    task.__dict__["change"] = change
+    (task if part is None else part).__dict__["change"] = change
     with pytest.raises(InvalidInputError) as caught:
         controller.step(here)
-    return caught.value
+    return str(caught.value)
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(("field", "how"), CASES)
 def test_odd_return_of_a_later_tick_is_refused_by_name(hoap2, level: str, field, how) -> None:
-    task = Mine(hoap2)
-    controller, here = controller_of(hoap2, level, task)
-    said = str(given_up(controller, here, task, place(field, WRONG[field][how])))
+    said = given_up(level, Mine(hoap2), place(field, WRONG[field][how]))
     assert said.startswith("task 'mine': residual()") and field in said
 
 
 @pytest.mark.parametrize("bound", [-1.0, np.ones(3), "little"])
 def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(hoap2, bound) -> None:
     """The velocity level asks tasks with gains for it."""
-    task = Mine(hoap2)
-    controller, here = controller_of(hoap2, "velocity", task)
-    said = str(given_up(controller, here, task, place("curvature_bound", lambda _: lambda: bound)))
+    said = given_up("velocity", Mine(hoap2), place("curvature_bound", lambda _: lambda: bound))
     assert said.startswith("task 'mine': residual(), curvature_bound")
 
 
@@ -148,18 +155,15 @@ def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(hoap2, bound) -
     ids=["proxqp", "daqp", "soft"],
 )
 def test_odd_return_of_a_contact_is_refused_by_name(hoap2, how: str, options) -> None:
-    task = Still(hoap2)
-    controller, here = controller_of(hoap2, "velocity", task, as_contact=True, **options)
-    said = str(given_up(controller, here, task, place("jacobian", WRONG["jacobian"][how])))
+    change = place("jacobian", WRONG["jacobian"][how])
+    said = given_up("velocity", Still(hoap2), change, as_contact=True, **options)
     assert said.startswith("task 'mine': residual()") and "jacobian" in said
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("what", [None, "com", (np.zeros(3),) * 3, [1.0, 2.0]])
 def test_return_that_is_no_residual_is_refused_by_name(hoap2, level: str, what) -> None:
-    task = Mine(hoap2)
-    controller, here = controller_of(hoap2, level, task)
-    said = str(given_up(controller, here, task, lambda _: what))
+    said = given_up(level, Mine(hoap2), lambda _: what)
     assert "task 'mine': residual() must return Residual" in said
 
 
@@ -178,13 +182,8 @@ def test_plain_numbers_of_other_kinds_are_converted(hoap2, level: str, how: str)
 
 @pytest.mark.parametrize("how", ["complex", "NaN", "a number", "masked", "infinite"])
 def test_odd_drift_is_refused_by_name(hoap2, how: str) -> None:
-    task = Mine(hoap2)
-    controller, here = controller_of(hoap2, "torque", task)
-    for _ in range(LATER):
-        assert controller.step(here).ok
-    task.__dict__["drifts"] = WRONG["error"][how]
-    with pytest.raises(InvalidInputError, match=r"task 'mine': drift\(\)"):
-        controller.step(here)
+    said = given_up("torque", Drifting(hoap2), WRONG["error"][how])
+    assert said.startswith("task 'mine': drift()")
 
 
 def test_odd_deviation_is_refused_by_name(hoap2) -> None:
@@ -209,10 +208,8 @@ class Push(ForceTask):
 
 @pytest.mark.parametrize("how", ["complex", "masked", "sparse", "columns missing", "NaN", "None"])
 def test_odd_expression_of_a_force_task_is_refused_by_name(hoap2, how: str) -> None:
-    task = Push(hoap2)
-    controller, here = controller_of(hoap2, "torque", task)
     change = WRONG["jacobian"][how]
-    said = str(given_up(controller, here, task, lambda a: a._replace(matrix=change(a.matrix))))
+    said = given_up("torque", Push(hoap2), lambda a: a._replace(matrix=change(a.matrix)))
     assert said.startswith("task 'push': expression(), matrix")
 
 
@@ -276,15 +273,9 @@ WRONG_BOUNDS = {
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(("field", "how"), WRONG_BOUNDS)
 def test_odd_rows_of_a_constraint_are_refused_by_name(hoap2, level: str, field, how) -> None:
-    box = Box(hoap2)
-    options = {"constraints": [box]}
-    controller, here = controller_of(hoap2, level, Mine(hoap2), **options)
-    for _ in range(LATER):
-        assert controller.step(here).ok
-    box.change = place(field, WRONG_BOUNDS[field, how])
-    with pytest.raises(InvalidInputError) as caught:
-        controller.step(here)
-    assert str(caught.value).startswith("constraint 'box'") and field in str(caught.value)
+    box, change = Box(hoap2), place(field, WRONG_BOUNDS[field, how])
+    said = given_up(level, Mine(hoap2), change, part=box, constraints=[box])
+    assert said.startswith("constraint 'box'") and field in said
 
 
 def test_what_a_constraint_raises_is_raised_with_its_name(hoap2) -> None:
