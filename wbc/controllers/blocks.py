@@ -294,12 +294,6 @@ class CoreBlocks(NamedTuple):
         return sum(block["rows"] for block in self.blocks if block["held"])
 
     @property
-    def mechanics(self) -> int:
-        """Number of rows of loops and gears, soft ones included."""
-        kinds = Kind.LOOP, Kind.GEAR
-        return sum(block["rows"] for block in self.blocks if block["kind"] in kinds)
-
-    @property
     def costs(self) -> int:
         """Number of rows of costs."""
         return sum(block["rows"] for block in self.blocks if not block["held"])

@@ -300,8 +300,7 @@ class CoreMemory:
         n, m = self.n, self._m + given
         k = self.k + (self.costs if self.levels > 1 else 0)
         sizes = np.empty(3, dtype=np.int64)
-        loops = 0 if self.forces is None else self._planned.mechanics
-        lib.wbc_sizes(n, k, m, loops, integers(sizes))
+        lib.wbc_sizes(n, k, m, integers(sizes))
         solver_end, order, begin = sizes.tolist()
         solver_end += m
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0

@@ -138,5 +138,5 @@ def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
 def _sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many doubles and integers of scratch the core needs."""
     wanted = np.empty(3, dtype=np.int64)
-    lib.wbc_sizes(n, k, m, 0, integers(wanted))
+    lib.wbc_sizes(n, k, m, integers(wanted))
     return int(wanted[0]), int(wanted[1])

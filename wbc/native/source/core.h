@@ -320,9 +320,9 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin);
 /* After REDUCED: write the first level's solution from the reduced one, x (left) and multipliers of rows, then of
  * bounds, times scale; x 0: by the active-set method. Then call wbc_descend. */
 int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double scale, int64_t iterations);
-/* Write how many numbers and integers solving a QP takes, of n unknowns, k equalities (loops of them of loops and
- * gears) and m rows, and where in the integers those that last begin. */
-int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t loops, int64_t *sizes);
+/* Write how many numbers and integers solving a QP takes, of n unknowns, k equalities and m rows, and where in the
+ * integers those that last begin. */
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes);
 /* Write where a level's QP lies: n, k, m; places in out (or, of levels below the first, in below) of P A C g lower
  * upper b l u x y z z_box found D offset errors heaviest exact torque clearance chosen begin; then the sizes of out
  * and below. */

@@ -4,7 +4,6 @@
  * inequality rows hold on all levels, widened to the solution of the level above, so that rounding makes none
  * infeasible. The command is that of the last level that was solved.
  */
-#include "loop_elimination.h"
 #include "linear.h"
 #include "margin.h"
 #include "problem.h"
@@ -93,11 +92,9 @@ static const double *user_row_compliance(const wbc_plan *plan, const wbc_qp *qp,
 }
 
 solve_options solver_options(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
-    int64_t first, *last_pivots = last_pivots_of(plan), *pairs = last_pivots + most_equalities(plan);
-    const wbc_plan *loops = plan->torque && loop_rows_held(plan, &first) > 0 ? plan : 0;
+    int64_t *last_pivots = last_pivots_of(plan), *pairs = last_pivots + most_equalities(plan);
     double *compliance = plan->scratch + plan->solver_end - qp->m; /* at the end of the solver's scratch memory */
     solve_options options = {.compliance = user_row_compliance(plan, qp, compliance),
-                             .loops = loops,
                              .work = pairs,
                              .most = plan->most,
                              .accuracy = 1.0,
@@ -213,12 +210,9 @@ int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double sc
 
 int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
     wbc_qp qp;
-    loop_elimination f;
     reduced r;
     lay_out(plan, &qp);
-    const solve_options options = solver_options(plan, 0, &qp);
-    restore_loop_elimination(&qp, options.loops, plan->scratch, plan->order, &f);
-    restore_reduced(&f.remaining, f.scratch, f.order, &r);
+    restore_reduced(&qp, plan->scratch, plan->order, &r);
     const double *every[] = {r.H, r.f, r.low, r.up, r.rows};
     for (int i = 0; i < 5; i++) begin[i] = every[i] - plan->scratch;
     begin[5] = r.left;

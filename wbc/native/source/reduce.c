@@ -161,7 +161,8 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
     return 0;
 }
 
-WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *last_pivots, int pivoted) {
+/* The part that needs A and b only: order, G, h and A_d^-1. Returns 0, or NO_POINT. */
+WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *last_pivots, int pivoted) {
     const int64_t n = qp->n;
     double *W = of->W, *preference = of->gradient;
     int64_t *order = of->order, *touched = of->touched;
@@ -267,8 +268,8 @@ INLINE int64_t reduce_bounds(const wbc_qp *qp, const reduced *r, int again) {
     return bounded;
 }
 
-/* y from the rows of x_d of P x + g + z + C'z = -A'y. */
-WIDE void lift_multipliers(const wbc_qp *qp, const reduced *r) {
+/* Write y, z, z_box; r->gradient is P x + g, to which z_box + C'z is added: its rows of x_d are -A'y. */
+WIDE static void lift_multipliers(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *y = qp->y, *z = qp->z_box, *restrict gradient = r->gradient;

@@ -39,9 +39,6 @@ int64_t reduced_integers(int64_t n, int64_t k);
  * rows may be nearly dependent. */
 int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *last_pivots, int pivoted);
 
-/* The part that needs A and b only: order, G, h and A_d^-1. Returns 0, or NO_POINT. */
-int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *last_pivots, int pivoted);
-
 /* Whether that memory holds a reduced QP; and find it there. */
 int is_reduced(const wbc_qp *qp, const int64_t *order);
 void restore_reduced(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r);
@@ -56,8 +53,6 @@ int64_t bounds_left(const wbc_qp *qp, const reduced *r);
 void lift_point(const wbc_qp *qp, const reduced *r);
 /* Write x, y, z, z_box of the full QP from the reduced solution, and P x + g + z + C'z to r->gradient. */
 void lift(const wbc_qp *qp, const reduced *r);
-/* Write y, z, z_box; r->gradient is P x + g, to which z_box + C'z is added. */
-void lift_multipliers(const wbc_qp *qp, const reduced *r);
 /* Write the certificate y, z, z_box of the full QP from that of the reduced one. */
 void lift_certificate(const wbc_qp *qp, const reduced *r);
 

@@ -1,8 +1,7 @@
-/* Solve a QP: eliminate loops (loop_elimination.c) and equalities (reduce.c), take the unconstrained optimum if it
+/* Solve a QP: eliminate its equalities (reduce.c), take the unconstrained optimum if it
  * is feasible, else run the active-set method; check the KKT residuals of the full QP. */
 #include "solve.h"
 #include "active_set.h"
-#include "loop_elimination.h"
 #include "linear.h"
 #include "problem.h"
 #include "reduce.h"
@@ -33,18 +32,13 @@ static int64_t solve_bounded(const reduced *r, int64_t bounded, const double *co
 }
 
 /* Report why there is no solution; with a certificate if the QP is infeasible. */
-static int fail(const wbc_qp *qp, const loop_elimination *f, const reduced *r, int64_t status, int left) {
-    const wbc_qp *rest = &f->remaining;
+static int fail(const wbc_qp *qp, const reduced *r, int64_t status, int left) {
     qp->found[3] = (double)status;
     if (status != NO_POINT) return UNSOLVED;
     if (left) /* the inequalities are infeasible */
-        lift_certificate(rest, r);
-    else { /* the equalities are: y is the certificate */ memset(rest->z, 0, rest->m * sizeof *rest->z);
-        memset(rest->z_box, 0, rest->n * sizeof *rest->z_box);
-    }
-    if (f->count > 0) {
-        memset(f->gradient, 0, qp->n * sizeof *f->gradient);
-        lift_loop_multipliers(qp, f);
+        lift_certificate(qp, r);
+    else { /* the equalities are: y is the certificate */ memset(qp->z, 0, qp->m * sizeof *qp->z);
+        memset(qp->z_box, 0, qp->n * sizeof *qp->z_box);
     }
     return INFEASIBLE;
 }
@@ -53,15 +47,9 @@ static int fail(const wbc_qp *qp, const loop_elimination *f, const reduced *r, i
 static const double BOUND_TOLERANCE = 1e-7;
 
 /* Write the full solution, its residuals and the number of iterations. accuracy: as in solve_options. */
-static int finish(const wbc_qp *qp, const loop_elimination *f, const reduced *r, const double *compliance,
-                  double accuracy, int64_t iterations) {
-    if (f->count > 0) {
-        lift_point(&f->remaining, r);
-        lift_loop_point(qp, f, r->gradient);
-        lift_multipliers(&f->remaining, r);
-        lift_loop_multipliers(qp, f);
-    } else lift(qp, r);
-    residuals(qp, compliance, f->count > 0 ? f->gradient : r->gradient);
+static int finish(const wbc_qp *qp, const reduced *r, const double *compliance, double accuracy, int64_t iterations) {
+    lift(qp, r);
+    residuals(qp, compliance, r->gradient);
     qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
         if (!(qp->found[i] <= accuracy * qp->eps)) return UNSOLVED; /* NaN is not */
@@ -70,10 +58,9 @@ static int finish(const wbc_qp *qp, const loop_elimination *f, const reduced *r,
     return DONE;
 }
 
-int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t loops, int64_t *sizes) {
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes) {
     sizes[0] = reduced_numbers(n, k, m) + n + m + active_set_numbers(n, n + m);
     sizes[2] = reduced_integers(n, k);
-    if (loops > 0) sizes[0] += loop_elimination_numbers(n, k, m), sizes[2] += loop_elimination_integers(n, k);
     sizes[1] = sizes[2] + 3 * (n + m);
     return DONE;
 }
@@ -93,17 +80,13 @@ static void correct_repeatedly(const wbc_qp *qp, reduced *r, int64_t bounded, co
 }
 
 int solve(const wbc_qp *qp, const solve_options *options, double *scratch, int64_t *order) {
-    loop_elimination f;
     reduced r;
-    eliminate_loops(qp, options->loops, options->last_pivots, scratch, order, &f);
-    lay_out_reduced(&f.remaining, f.scratch, f.order, &r);
-    int64_t *last_pivots =
-        options->last_pivots && f.count > 0 ? options->last_pivots + f.loops : options->last_pivots;
-    const int64_t bounded = reduce(&f.remaining, &r, last_pivots, options->pivoted);
-    if (bounded < 0) return fail(qp, &f, &r, bounded, 0);
-    if (!options->always && is_unconstrained_optimum_feasible(&f.remaining, &r, bounded, 0)) {
+    lay_out_reduced(qp, scratch, order, &r);
+    const int64_t bounded = reduce(qp, &r, options->last_pivots, options->pivoted);
+    if (bounded < 0) return fail(qp, &r, bounded, 0);
+    if (!options->always && is_unconstrained_optimum_feasible(qp, &r, bounded, 0)) {
         if (options->correct) correct_repeatedly(qp, &r, bounded, options);
-        if (finish(qp, &f, &r, options->compliance, options->accuracy, 0) == DONE) return DONE;
+        if (finish(qp, &r, options->compliance, options->accuracy, 0) == DONE) return DONE;
     }
     qp->found[0] = (double)(bounded - r.left);
     return options->outside ? REDUCED : solve_reduced(qp, options, scratch, order, 0, 0, 1.0, 0);
@@ -111,20 +94,18 @@ int solve(const wbc_qp *qp, const solve_options *options, double *scratch, int64
 
 int solve_reduced(const wbc_qp *qp, const solve_options *options, double *scratch, int64_t *order, const double *x,
                   const double *z, double scale, int64_t iterations) {
-    loop_elimination f;
     reduced r;
-    restore_loop_elimination(qp, options->loops, scratch, order, &f);
-    restore_reduced(&f.remaining, f.scratch, f.order, &r);
-    const int64_t bounded = bounds_left(&f.remaining, &r), rows = bounded - r.left;
+    restore_reduced(qp, scratch, order, &r);
+    const int64_t bounded = bounds_left(qp, &r), rows = bounded - r.left;
     if (x) {
         memcpy(r.answer, x, r.left * sizeof *x);
         for (int64_t i = 0; i < r.left; i++) r.multipliers[i] = z[rows + i] / scale;
         for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
     } else {
         iterations = solve_bounded(&r, bounded, options->compliance, qp->m, options->most, options->work);
-        if (iterations < 0) return fail(qp, &f, &r, iterations, 1);
+        if (iterations < 0) return fail(qp, &r, iterations, 1);
     }
-    return finish(qp, &f, &r, options->compliance, options->accuracy, iterations);
+    return finish(qp, &r, options->compliance, options->accuracy, iterations);
 }
 
 int factorize(const wbc_qp *qp, double *scratch, int64_t *order) {
@@ -135,17 +116,13 @@ int factorize(const wbc_qp *qp, double *scratch, int64_t *order) {
 }
 
 int solve_again(const wbc_qp *qp, const solve_options *options, double *scratch, int64_t *order) {
-    loop_elimination f;
     reduced r;
-    restore_loop_elimination(qp, 0, scratch, order, &f);
     restore_reduced(qp, scratch, order, &r);
     update_right_hand_side(qp, &r);
     const int64_t bounded = bounds_left(qp, &r);
     if (is_unconstrained_optimum_feasible(qp, &r, bounded, 1))
-        return finish(qp, &f, &r, options->compliance, options->accuracy, 0);
-    const int64_t iterations = solve_bounded(&r, bounded, options->compliance, qp->m, options->most, options->work);
-    if (iterations < 0) return fail(qp, &f, &r, iterations, 1);
-    return finish(qp, &f, &r, options->compliance, options->accuracy, iterations);
+        return finish(qp, &r, options->compliance, options->accuracy, 0);
+    return solve_reduced(qp, options, scratch, order, 0, 0, 1.0, 0);
 }
 
 int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps, int64_t most, double *out,
@@ -159,6 +136,7 @@ int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps,
 
 int wbc_solve_qp(const wbc_qp *qp, const double *compliance, int64_t most, double *scratch, int64_t *order) {
     const int64_t integers = reduced_integers(qp->n, qp->k);
-    const solve_options options = {compliance, 0, 0, order + integers, most, 1.0, 1, 0, 0, 0, 0, 0};
+    const solve_options options = {
+        .compliance = compliance, .work = order + integers, .most = most, .accuracy = 1.0, .pivoted = 1};
     return is_qp(qp) ? solve(qp, &options, scratch, order) : NOT_FINITE;
 }

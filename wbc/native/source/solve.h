@@ -9,9 +9,8 @@
 
 typedef struct {
     const double *compliance; /* (m), or 0: compliance of rows C, slack = compliance * multiplier */
-    const wbc_plan *loops; /* or 0: the plan whose loops and gears are eliminated first; b cannot be changed then */
-    int64_t *last_pivots;  /* (k), or 0: of each equality the column eliminated in the last tick, plus 1 */
-    int64_t *work;         /* 3 (n + m), for the active-set method, and its largest number of iterations */
+    int64_t *last_pivots;     /* (k), or 0: of each equality the column eliminated in the last tick, plus 1 */
+    int64_t *work;            /* 3 (n + m), for the active-set method, and its largest number of iterations */
     int64_t most;
     double accuracy; /* residuals of up to accuracy * eps are accepted */
     int pivoted;     /* choose rows by their pivots, too: equalities may be nearly dependent */
