@@ -6,12 +6,27 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from wbc.robot import Robot
-from wbc.robot.collision import Capsule, HalfSpace
+from wbc.robot.collision import Body, Capsule, HalfSpace, Hull
 
 
 def corners(rng, count: int = 30) -> np.ndarray:
     points = rng.normal(size=(count, 3))
     return points[ConvexHull(points).vertices]
+
+
+def bodies_on(robot: Robot, rng) -> list[Body]:
+    """One body on each of a dozen joints, of all shapes, at random places."""
+    bodies = []
+    for k, joint in enumerate(np.linspace(1, robot.model.njoints - 1, 12).astype(int).tolist()):
+        place = 0.1 * rng.normal(size=3)
+        shape = [
+            Capsule.sphere(place, 0.05),
+            Capsule.of(place, place + 0.1 * rng.normal(size=3), 0.04),
+            Hull.box(0.05 + 0.1 * rng.random(3), place),
+            Hull(place + 0.05 * corners(rng), 0.01),
+        ][k % 4]
+        bodies.append(Body(f"body{k}", f"body{k}", joint, shape))
+    return bodies
 
 
 def all_pairs(bodies) -> list[tuple[int, int]]:

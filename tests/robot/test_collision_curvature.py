@@ -4,21 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.robot.by_coal import all_pairs, corners, distances
+from tests.robot.by_coal import all_pairs, bodies_on, distances
 from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Hull
-
-
-def bodies_on(robot, rng) -> list[Body]:
-    bodies = []
-    for k, joint in enumerate(np.linspace(1, robot.model.njoints - 1, 9).astype(int).tolist()):
-        place = 0.1 * rng.normal(size=3)
-        shape = [
-            Capsule.of(place, place + 0.2 * rng.normal(size=3), 0.02),
-            Hull.box(0.02 + 0.1 * rng.random(3), place),
-            Hull(place + 0.05 * corners(rng, 25), 0.01),
-        ][k % 3]
-        bodies.append(Body(f"body{k}", f"body{k}", joint, shape))
-    return bodies
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
-from tests.robot.by_coal import all_pairs, corners, distances
+from tests.robot.by_coal import all_pairs, bodies_on, distances
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.files import CACHE_VARIABLE
@@ -28,21 +28,6 @@ from wbc.robot.collision import (
 @pytest.fixture(autouse=True)
 def no_cache(monkeypatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, "off")
-
-
-def bodies_on(robot: Robot, rng) -> list[Body]:
-    """One body of each shape on each of a dozen joints, at random places."""
-    bodies = []
-    for k, joint in enumerate(np.linspace(1, robot.model.njoints - 1, 12).astype(int).tolist()):
-        place = 0.1 * rng.normal(size=3)
-        shape = [
-            Capsule.sphere(place, 0.05),
-            Capsule.of(place, place + 0.1 * rng.normal(size=3), 0.04),
-            Hull.box(0.05 + 0.1 * rng.random(3), place),
-            Hull(place + 0.05 * corners(rng), 0.01),
-        ][k % 4]
-        bodies.append(Body(f"body{k}", f"body{k}", joint, shape))
-    return bodies
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
