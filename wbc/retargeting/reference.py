@@ -20,7 +20,7 @@ from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import centroidal_series, rates
 from wbc.rotations import same_sign
 from wbc.spatial import COLUMNS, ROWS
-from wbc.tracking.reference import PlanTarget, table_place
+from wbc.tracking.reference import PlanTarget, cop_on_ground, interpolated
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array, finite_number, read_only
 
@@ -116,11 +116,8 @@ class MotionReference:
         InvalidInputError
             A time that is not finite.
         """
-        _, k, u = table_place("motion reference, time", time, self.begins, self._times)
-        found = {
-            name: (1.0 - u) * table[k] + u * table[k + 1]
-            for name, table in vars(self._target).items()
-        }
+        what = "motion reference, time"
+        _, found = interpolated(what, time, self.begins, self._times, self._target)
         quaternion = found["q"][..., 3:BASE_NQ]
         quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
         return MotionTarget(**found)
@@ -164,7 +161,7 @@ class MotionReference:
             com_acceleration=com_acceleration,
             momentum=np.hstack((m * com_velocity, whole.momentum[:, 3:])),
             momentum_rate=np.hstack((m * com_acceleration, k_rate)),
-            cop=np.column_stack((_without_gaps(cop), np.zeros(len(cop)))),
+            cop=cop_on_ground(cop, np.arange(float(len(cop)))),
             inertia=inertia,
             inertia_rate=inertia_rate,
             inertia_acceleration=np.gradient(inertia_rate, dt, axis=0),
@@ -227,9 +224,3 @@ def _interpolated(motion: StandingMotion, times: Array) -> Array:
     found[:, 3:BASE_NQ] = same_sign(rotations(times).as_quat())
     found[:, BASE_NQ:] = CubicSpline(time, motion.q[:, BASE_NQ:])(times)
     return found
-
-
-def _without_gaps(cop: Array) -> Array:
-    """Return the CoP (n, 2), linearly interpolated where there is none."""
-    known, frames = np.isfinite(cop).all(axis=1), np.arange(len(cop))
-    return np.column_stack([np.interp(frames, frames[known], one[known]) for one in cop.T])

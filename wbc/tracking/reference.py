@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.kinds import check_kind, switch
 from wbc.robot import Snapshot
@@ -15,7 +15,7 @@ from wbc.robot.model import check_snapshot
 from wbc.rotations import rotations_from
 from wbc.spatial import COLUMNS, ROWS, skews, vech
 from wbc.tracking.plan_check import check_plan
-from wbc.validate import Array, finite_array, finite_number, names_of, read_only, real_array
+from wbc.validate import Array, finite_array, finite_number, names_of, real_array
 
 if TYPE_CHECKING:  # plans load CasADi
     from wbc.rmp.plan.plan import Plan, Trajectory
@@ -40,14 +40,6 @@ class PlanTarget:
     inertia: Array  # vech (..., 6): xx xy xz yy yz zz [kg m^2]
     inertia_rate: Array  # (..., 6) [kg m^2/s]
     inertia_acceleration: Array  # (..., 6) [kg m^2/s^2]
-
-
-# Widths of the sampled quantities; those of a robot at rest that are not zero.
-_SIZES = {
-    "com": 3, "com_velocity": 3, "com_acceleration": 3, "momentum": 6, "momentum_rate": 6,
-    "cop": 3, "inertia": 6, "inertia_rate": 6, "inertia_acceleration": 6,
-}  # fmt: skip
-_AT_REST = ("com", "cop", "inertia")
 
 
 class PlanReference:
@@ -107,11 +99,10 @@ class PlanReference:
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)
         count = max(int(np.ceil(plan.duration / STEP)), 1)
-        below = (*start.com[:2], 0.0)
-        before = _row(com=start.com, cop=below, inertia=vech(start.inertia))
-        self._before = read_only(before)
-        self._times = read_only(np.linspace(0.0, plan.duration, count + 1))
-        self._table = read_only(_table(plan.at(self._times), plan.problem.mass))
+        below = np.array((*start.com[:2], 0.0))
+        self._before = {"com": start.com, "cop": below, "inertia": vech(start.inertia)}
+        self._times = np.linspace(0.0, plan.duration, count + 1)
+        self._table = _table(plan.at(self._times), plan.problem.mass)
 
     @property
     def ends(self) -> float:
@@ -126,56 +117,50 @@ class PlanReference:
         InvalidInputError
             A time that is not finite.
         """
-        t, k, u = table_place("plan reference, time", time, self.begins, self._times)
-        row = (1.0 - u) * self._table[k] + u * self._table[k + 1]
-        row = np.where((t < 0.0)[..., None], self._before, row)
-        active = (t <= self.plan.duration)[..., None]
-        ends = np.cumsum(list(_SIZES.values()))[:-1]
-        parts = dict(zip(_SIZES, np.split(row, ends, axis=-1), strict=True))
-        return PlanTarget(
-            **{name: one if name in _AT_REST else one * active for name, one in parts.items()}
-        )
+        what = "plan reference, time"
+        t, found = interpolated(what, time, self.begins, self._times, self._table)
+        before, active = (t < 0.0)[..., None], (t <= self.plan.duration)[..., None]
+        if before.any():
+            for name, values in found.items():
+                found[name] = np.where(before, self._before.get(name, 0.0), values)
+        for name in found.keys() - self._before.keys():
+            found[name] = found[name] * active
+        return PlanTarget(**found)
 
 
-def table_place(
-    what: str, time: float | ArrayLike, begins: float, times: Array
-) -> tuple[Array, NDArray[np.intp], Array]:
-    """Return times since ``begins`` [s], and rows and fractions (..., 1) in a table."""
+def interpolated(
+    what: str, time: float | ArrayLike, begins: float, times: Array, table: PlanTarget
+) -> tuple[Array, dict[str, Array]]:
+    """Return times since ``begins`` [s], and there all targets of a table at even ``times``."""
     given = real_array(what, time)
     t = finite_array(what, given, given.shape) - begins
     place = np.clip(t / times[1], 0.0, len(times) - 1.0)
     k = np.minimum(place.astype(int), len(times) - 2)
-    return t, k, (place - k)[..., None]
+    after = (place - k)[..., None]
+    before = 1.0 - after
+    return t, {name: before * one[k] + after * one[k + 1] for name, one in vars(table).items()}
 
 
-def _row(**given: ArrayLike) -> Array:
-    """Return a row (42,) of all quantities; those not given are zero."""
-    rows = [np.asarray(given.get(name, np.zeros(k)), float) for name, k in _SIZES.items()]
-    return np.concatenate(rows)
-
-
-def _table(motion: Trajectory, mass: float) -> Array:
-    """Return rows (n, 42) of all quantities."""
+def _table(motion: Trajectory, mass: float) -> PlanTarget:
     inertia, rate, acceleration = inertia_motion(motion, mass)
-    columns = {
-        "com": motion.com,
-        "com_velocity": motion.com_velocity,
-        "com_acceleration": motion.com_acceleration,
-        "momentum": np.hstack((mass * motion.com_velocity, motion.momentum)),
-        "momentum_rate": np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
-        "cop": np.column_stack((_cop_without_gaps(motion), np.zeros(len(motion.time)))),
-        "inertia": inertia,
-        "inertia_rate": rate,
-        "inertia_acceleration": acceleration,
-    }
-    return np.hstack([columns[name] for name in _SIZES])
+    return PlanTarget(
+        com=motion.com,
+        com_velocity=motion.com_velocity,
+        com_acceleration=motion.com_acceleration,
+        momentum=np.hstack((mass * motion.com_velocity, motion.momentum)),
+        momentum_rate=np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
+        cop=cop_on_ground(motion.cop, motion.time),
+        inertia=inertia,
+        inertia_rate=rate,
+        inertia_acceleration=acceleration,
+    )
 
 
-def _cop_without_gaps(motion: Trajectory) -> Array:
-    """Return the CoP (n, 2), linearly interpolated where there is none."""
-    known = np.isfinite(motion.cop).all(axis=1)
-    time = motion.time
-    return np.column_stack([np.interp(time, time[known], one[known]) for one in motion.cop.T])
+def cop_on_ground(cop: Array, time: Array) -> Array:
+    """Return the CoP (n, 3) of (n, 2), at z = 0, linearly interpolated where there is none."""
+    known = np.isfinite(cop).all(axis=1)
+    columns = [np.interp(time, time[known], one[known]) for one in cop.T]
+    return np.column_stack((*columns, np.zeros(len(cop))))
 
 
 def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array]:
