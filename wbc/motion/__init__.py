@@ -5,9 +5,8 @@ from wbc.motion.columns import UnknownColumnError
 from wbc.motion.dropouts import Dropout
 from wbc.motion.noise import Noise
 from wbc.motion.recording import Motion, read_motion
-from wbc.motion.series import RmpSeries
+from wbc.motion.series import RmpSeries, Uncertainty
 from wbc.motion.table import RecordingError
-from wbc.motion.uncertainty import Uncertainty
 
 analyse = analyze  # its name until 0.2
 

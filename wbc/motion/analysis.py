@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from wbc.motion.planted_base import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import smooth_forces, smooth_trajectory
-from wbc.motion.uncertainty import Pendulum, propagate_noise
+from wbc.motion.uncertainty import propagate_noise
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
@@ -111,21 +112,15 @@ def analyze(
     standing, margin = standing_feet(
         robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height
     )
-    uncertainty = None
-    if frames.noise is not None:
-        pendulum = Pendulum(
-            robot, whole, axes, reaction, names, margin, height, measured is not None
-        )
-        uncertainty = propagate_noise(pendulum, frames, frames.noise)
     angular_velocity = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
-    return RmpSeries(
+    series = RmpSeries(
         robot=robot,
         source=motion.source,
         dropouts=motion.dropouts,
         ground_height=height,
         measured=measured is not None,
         cutoff=frames.cutoff,
-        uncertainty=uncertainty,
+        uncertainty=None,
         time=frames.time,
         q=frames.q,
         v=frames.v,
@@ -148,6 +143,10 @@ def analyze(
         average_angular_velocity=angular_velocity,
         axes_angular_velocity=_axes_rate(whole, axes),
     )
+    if frames.noise is None:
+        return series
+    uncertainty = propagate_noise(series, whole, margin, frames, frames.noise)
+    return replace(series, uncertainty=uncertainty)
 
 
 def _axes_rate(whole: CentroidalSeries, axes: TrackedAxes) -> Array:

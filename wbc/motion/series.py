@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from wbc.files import ending_of, write_arrays, write_whole
 from wbc.motion.dropouts import Dropout
-from wbc.motion.uncertainty import ReadOnlyArrays, Uncertainty
+from wbc.motion.noise import Noise
 from wbc.rmp.axes import Bools
 from wbc.rmp.ground import in_contact
 from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 LIMIT_TOLERANCE = 1e-3  # rad or m past a limit, by rounding and the filter
 FORMATS = (".npz", ".csv")
@@ -59,6 +59,67 @@ def series_format(path: str | Path) -> str:
     """
     expected = "a series is written as .npz (everything) or .csv (the pendulum)"
     return ending_of(path, FORMATS, expected)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOnlyArrays:
+    """Base class that makes all array fields read-only."""
+
+    def __post_init__(self) -> None:
+        for array in self.arrays().values():
+            read_only(array)
+
+    def arrays(self) -> dict[str, Array]:
+        """Return every array by its name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty(ReadOnlyArrays):
+    """Standard deviations of a pendulum's quantities in n frames, from its recording's noise.
+
+    To first order in the noise. A 95 % band is ``BAND`` = 1.96 of them on each side. Quantities of
+    the ground's force are NaN where the ground does not push.
+
+    Attributes
+    ----------
+    noise:
+        Of the recording.
+    beyond:
+        Number of standard deviations that noise alone does not exceed anywhere in the recording,
+        with a probability of 95 %.
+    com:
+        (n, 3) [m]; with a planted foot, as all positions, relative to it.
+    momentum, momentum_rate:
+        (n, 6) [kg m/s, kg m^2/s; N, N m]; the latter's first half is also the ground's force.
+    cop, cmp:
+        Along x and y (n, 2) [m].
+    cop_margin:
+        (n,) [m]; None without feet.
+    leg_length, leg_angles:
+        (n,) [m], (n, 2) [rad]. The length of a leg near the vertical is quadratic in the CoP's
+        error: there its deviation is too large.
+    second_moments, semi_axes, radii:
+        (n, 3) [kg m^2, m, m].
+    average_angular_velocity:
+        (n, 3) [rad/s].
+    """
+
+    noise: Noise
+    beyond: float
+    com: Array
+    momentum: Array
+    momentum_rate: Array
+    cop: Array
+    cmp: Array
+    cop_margin: Array | None
+    leg_length: Array
+    leg_angles: Array
+    second_moments: Array
+    semi_axes: Array
+    radii: Array
+    average_angular_velocity: Array
 
 
 @dataclass(frozen=True, eq=False)
