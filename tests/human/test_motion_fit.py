@@ -373,10 +373,9 @@ def test_segment_axes_of_plug_in_gait_are_no_markers() -> None:
     axes = tuple(f"{side}CL{end}" for side in "LR" for end in "OALP")
     places = np.zeros((len(recording.time), len(axes), 3))
     both = np.concatenate((recording.positions, places), axis=1)
-    names, _, notes = identify_markers(
-        MarkerRecording(recording.time, recording.labels + axes, both, up="z"), None
-    )
-    assert names == recording.labels and "LCLA" in notes[0]
+    seen = MarkerRecording(recording.time, recording.labels + axes, both, up="z")
+    markers, notes = identify_markers(seen, None)
+    assert tuple(markers) == recording.labels and "LCLA" in notes[0]
 
 
 def test_y_up_in_mm_is_recognised(tmp_path) -> None:  # type: ignore[no-untyped-def]

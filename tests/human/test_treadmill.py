@@ -14,7 +14,7 @@ from wbc.human.treadmill import belt_velocity, in_belt_frame
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 NAMES = ("LASI", "RASI", "SACR", "LHEE", "LTOE", "RHEE", "RTOE")
-MARKS = tuple(landmark(str(landmark_of(name))) for name in NAMES)
+MARKERS = {name: landmark(str(landmark_of(name))) for name in NAMES}
 SPEED, STRIDE, STANCE = 1.2, 1.1, 0.62  # m/s, s, part of a stride
 
 
@@ -40,12 +40,10 @@ def walked(speed: float, over: float = 0.0) -> MarkerRecording:
 
 
 def test_belt_is_detected_and_ground_at_rest_is_not() -> None:
-    np.testing.assert_allclose(
-        belt_velocity(walked(SPEED), NAMES, MARKS), (-SPEED, 0.0, 0.0), atol=0.05
-    )
-    assert not belt_velocity(walked(SPEED, over=SPEED), NAMES, MARKS).any()  # over ground
-    assert not belt_velocity(walked(0.0), NAMES, MARKS).any()  # on the spot
-    assert not belt_velocity(walked(0.0, over=1.0), NAMES, MARKS).any()  # carried along
+    np.testing.assert_allclose(belt_velocity(walked(SPEED), MARKERS), (-SPEED, 0.0, 0.0), atol=0.05)
+    assert not belt_velocity(walked(SPEED, over=SPEED), MARKERS).any()  # over ground
+    assert not belt_velocity(walked(0.0), MARKERS).any()  # on the spot
+    assert not belt_velocity(walked(0.0, over=1.0), MARKERS).any()  # carried along
 
 
 def test_plates_in_the_belt_frame_have_the_same_force_at_moved_points() -> None:
@@ -63,7 +61,7 @@ def test_plates_in_the_belt_frame_have_the_same_force_at_moved_points() -> None:
     np.testing.assert_array_equal(seen.force, force)
     expected = np.cross(cop - time[:, None] * belt, force)
     np.testing.assert_allclose(seen.moment, expected, atol=1e-9)
-    again = belt_velocity(moved, NAMES, MARKS)
+    again = belt_velocity(moved, MARKERS)
     assert not again.any()
 
 
@@ -88,8 +86,8 @@ def test_static_trial_of_another_human_is_noted(scale: float, prefix: str) -> No
     whole, _ = recorded(BODY, noise=1e-3, seed=2)
     labels = tuple(prefix + name for name in whole.labels)
     static = MarkerRecording(whole.time[:40], labels, scale * whole.positions[:40], up="z")
-    marks = [landmark(str(landmark_of(name))) for name in whole.labels]
-    told = static_trial_notes(whole, static, whole.labels, marks)
+    markers = {name: landmark(str(landmark_of(name))) for name in whole.labels}
+    told = static_trial_notes(whole, static, markers)
     if scale > 1.0:
         assert told[0].startswith("markers of the static trial are 1.10 times as far apart")
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -26,14 +27,13 @@ NAMED_JUMPS = 4
 
 
 def while_in_view(
-    recording: MarkerRecording, names: tuple[str, ...]
+    recording: MarkerRecording, names: Iterable[str]
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the recording while its human is in view, and a note if that is not all of it.
 
     Without markers the fit would keep still, and look like a human that stands.
     """
-    columns = [recording.labels.index(name) for name in names if name in recording.labels]
-    count = np.isfinite(recording.positions[:, columns]).all(axis=2).sum(axis=1)
+    count = np.isfinite(recording.positions[:, recording.columns(names)]).all(axis=2).sum(axis=1)
     seen = np.flatnonzero(count >= MIN_SEEN * count.max())
     part = slice(seen[0], seen[-1] + 1)
     time = recording.time[part]
@@ -44,15 +44,14 @@ def while_in_view(
 
 
 def longest_without_jump(
-    recording: MarkerRecording, names: tuple[str, ...]
+    recording: MarkerRecording, names: Iterable[str]
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the longest part of a recording without a jump of the whole body, and a note.
 
     Many animation files begin with one frame of another posture, mostly a T-pose elsewhere; others
     are spliced. A low-pass across a jump yields forces of many times the weight.
     """
-    columns = [recording.labels.index(name) for name in names if name in recording.labels]
-    places, time = recording.positions[:, columns], recording.time
+    places, time = recording.positions[:, recording.columns(names)], recording.time
     distances = np.linalg.norm(np.diff(places, axis=0), axis=2)
     seen = np.isfinite(distances)
     enough = seen.sum(axis=1) >= MIN_SEEN * seen.sum(axis=1).max(initial=1)

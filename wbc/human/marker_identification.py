@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from itertools import combinations
 
 import numpy as np
@@ -25,13 +25,17 @@ UPRIGHT, LYING = 0.8, 0.5
 MIRRORED = -0.2  # triple product of left, up and toe direction, unit vectors: 0.4 to 1 if not
 # m, least distance of compared markers; relative difference of distances of the same human.
 MIN_DISTANCE, MAX_DIFFERENCE = 0.05, 0.05
+BODY = ("pelvis", "trunk")
 TOES, HEELS = ("toe", "metatarsal_1", "metatarsal_5"), ("heel", "ankle_lateral", "ankle_centre")
+
+
+Markers = Mapping[str, Landmark]  # those that are fitted, by label
 
 
 def identify_markers(
     recording: MarkerRecording, static: MarkerRecording | None
-) -> tuple[tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]]:
-    """Return labels and landmarks of the usable markers, and notes on the others.
+) -> tuple[Markers, tuple[str, ...]]:
+    """Return the landmarks of the usable markers by label, and notes on the others.
 
     Markers that only the static trial has come last.
 
@@ -75,7 +79,6 @@ def identify_markers(
     if empty:
         notes.append(f"markers never seen: {listed(empty, 8)}")
     rest = [label for label in found if label not in own and label not in empty]
-    names = (*own, *rest)
     for part, both in (("pelvis", "hips"), ("trunk", "shoulders")):
         kinds = {found[n].name for n in own if found[n].segment == part}
         if 0 < len(kinds) < 3 and not recording.landmarks:
@@ -91,11 +94,11 @@ def identify_markers(
         )
     elif without:
         notes.append(f"no markers on {', '.join(without)}: held in their neutral posture")
-    return names, tuple(found[name] for name in names), tuple(notes)
+    return {name: found[name] for name in (*own, *rest)}, tuple(notes)
 
 
 def rotate_z_up(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: str | None
+    recording: MarkerRecording, markers: Markers, up: str | None
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the recording with z up, and a note if the axis was found, or seems not to be up.
 
@@ -105,11 +108,9 @@ def rotate_z_up(
         The vector from feet to trunk is along none of the axes; or left and right are exchanged.
     """
     axis = up if up is not None else recording.up
-    high = _mean_position(recording, names, marks, lambda mark: mark.segment in ("trunk", "pelvis"))
-    low = _mean_position(
-        recording, names, marks, lambda mark: mark.segment.endswith(("foot", "shank"))
-    )
-    _check_sides(recording, names, marks, high - low)
+    high = _mean_position(recording, markers, lambda mark: mark.segment in BODY)
+    low = _mean_position(recording, markers, lambda mark: mark.segment.endswith(("foot", "shank")))
+    _check_sides(recording, markers, high - low)
     up_vector = np.nanmedian(high, axis=0) - np.nanmedian(low, axis=0)
     up_vector /= np.linalg.norm(up_vector)
     k = int(np.abs(up_vector).argmax())
@@ -136,25 +137,20 @@ def rotate_z_up(
     return recording.upright("xyz"[k]), (f"{'xyz'[k]} taken for up, by the trunk above the feet",)
 
 
-def _check_sides(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: Array
-) -> None:
+def _check_sides(recording: MarkerRecording, markers: Markers, up: Array) -> None:
     """Raise RecordingError if left and right contradict the toes' direction; ``up``: (n, 3)."""
 
-    def mean_position(side: str, segments: Sequence[str] = (), kinds: Sequence[str] = ()) -> Array:
+    def of_kinds(side: str, kinds: tuple[str, ...]) -> Array:
+        names = [f"{side}_{kind}" for kind in kinds]
+        return _mean_position(recording, markers, lambda mark: mark.name in names)
+
+    def of_body(side: str) -> Array:
         return _mean_position(
-            recording,
-            names,
-            marks,
-            lambda mark: (
-                mark.name.startswith(side)
-                and (mark.segment in segments or mark.name.removeprefix(side) in kinds)
-            ),
+            recording, markers, lambda mark: mark.segment in BODY and mark.name.startswith(side)
         )
 
-    body = ("pelvis", "trunk")
-    left = mean_position("left_", body) - mean_position("right_", body)
-    feet = [mean_position(s, (), TOES) - mean_position(s, (), HEELS) for s in ("left_", "right_")]
+    left = of_body("left_") - of_body("right_")
+    feet = [of_kinds(side, TOES) - of_kinds(side, HEELS) for side in ("left", "right")]
     forward = feet[0] + feet[1]
     sizes = [np.linalg.norm(one, axis=1) for one in (left, up, forward)]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -168,41 +164,26 @@ def _check_sides(
 
 
 def _mean_position(
-    recording: MarkerRecording,
-    names: tuple[str, ...],
-    marks: tuple[Landmark, ...],
-    which: Callable[[Landmark], bool],
+    recording: MarkerRecording, markers: Markers, which: Callable[[Landmark], bool]
 ) -> Array:
     """Return the mean position (n, 3) of the seen ones of some markers; NaN where none is."""
-    columns = [
-        recording.labels.index(name)
-        for name, mark in zip(names, marks, strict=True)
-        if name in recording.labels and which(mark)
-    ]
-    places = recording.positions[:, columns]
+    places = recording.positions[:, recording.columns(n for n, m in markers.items() if which(m))]
     seen = np.asarray(np.isfinite(places).all(axis=2))[..., None]
     with np.errstate(invalid="ignore"):  # 0 / 0: not seen
         return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))
 
 
 def static_trial_notes(
-    recording: MarkerRecording,
-    static: MarkerRecording,
-    names: Sequence[str],
-    marks: Sequence[Landmark],
+    recording: MarkerRecording, static: MarkerRecording, markers: Markers
 ) -> tuple[str, ...]:
     """Return a note on a static trial that seems to be of another human than the recording.
 
     By distances between markers of one segment: of one human they differ by 1 to 2 % in the median.
     """
-    segments = {
-        name: mark.segment
-        for name, mark in zip(names, marks, strict=True)
-        if name in recording.labels and name in static.labels
-    }
+    shared = [name for name in markers if name in recording.labels and name in static.labels]
     ratios = list[float]()
-    for pair in combinations(segments, 2):
-        if segments[pair[0]] == segments[pair[1]]:
+    for pair in combinations(shared, 2):
+        if markers[pair[0]].segment == markers[pair[1]].segment:
             standing, moving = _distance(static, *pair), _distance(recording, *pair)
             if min(standing, moving) > MIN_DISTANCE:
                 ratios.append(standing / moving)

@@ -180,6 +180,10 @@ class MarkerRecording:
         """Frames per second, by the median step [Hz]."""
         return 1.0 / float(np.median(np.diff(self.time)))
 
+    def columns(self, names: Iterable[str]) -> list[int]:
+        """Return the indices of those of some labels that it has."""
+        return [self.labels.index(name) for name in names if name in self.labels]
+
     def with_plates(self, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
         """Return the recording with other force plates."""
         return replace(self, plates=plates)
@@ -191,7 +195,3 @@ class MarkerRecording:
         R = _TO_Z[up]
         plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
         return replace(self, positions=self.positions @ R.T, plates=plates, up="z")
-
-    def moved(self, positions: Array, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
-        """Return the recording with markers and force plates elsewhere."""
-        return replace(self, positions=positions, plates=plates)

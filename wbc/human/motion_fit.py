@@ -31,8 +31,13 @@ from wbc.human.gaps import (
     while_in_view,
 )
 from wbc.human.kinematics import Poses, forward_kinematics
-from wbc.human.landmarks import Landmark, identifies_trunk
-from wbc.human.marker_identification import identify_markers, rotate_z_up, static_trial_notes
+from wbc.human.landmarks import identifies_trunk
+from wbc.human.marker_identification import (
+    Markers,
+    identify_markers,
+    rotate_z_up,
+    static_trial_notes,
+)
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
@@ -180,9 +185,9 @@ def human_motion(
     recording.check_moving()
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass, stature = check_build(mass, stature)
-    recording, static, names, marks, notes = _prepare(recording, static, subject, up)
-    standing = _static_frames(static, names, marks, up)
-    fit = _fit_markers(recording, standing, names, marks, stature, longest_gap)
+    recording, static, markers, notes = _prepare(recording, static, subject, up)
+    standing = _static_frames(static, markers, up)
+    fit = _fit_markers(recording, standing, markers, stature, longest_gap)
     found, poses, time = fit.calibration, fit.poses, recording.time
     body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     frames = forward_kinematics(poses, body.dimensions)
@@ -197,7 +202,7 @@ def human_motion(
         series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
         contacts = down[nearest_rows(time, series.time)]
         weighed, more = plates_mass(series, recording.plates, contacts)
-        notes += more + _pull_note(series) + _rate_note(recording.rate, cutoff)
+        notes += more + _force_notes(series, recording.rate, cutoff)
         if by_steps:
             sway = SWAY if fit.trunk else SWAY_WITHOUT_TRUNK
             shift, more = roll_over_correction(series, contacts, found.stature, sway)
@@ -212,38 +217,36 @@ def human_motion(
         notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was given",)
     motion = _motion(robot, recording, q, fit.dropouts)
     residual = fit.residual
-    notes += _fit_note(residual) + _speed_note(time, q[:, :3])
     noise = residual_noise(
         time, poses, fit.observed, residual, found.markers, found.dimensions, robot
     )
-    return HumanMotion(
+    human = HumanMotion(
         motion, body, recording, found.markers, residual, down, cutoff, ground, noise, notes
     )
+    return replace(human, notes=notes + _fit_notes(human.rms, time, q[:, :3]))
 
 
 def _prepare(
     recording: MarkerRecording, static: MarkerRecording | None, subject: str | None, up: str | None
-) -> tuple[
-    MarkerRecording, MarkerRecording | None, tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]
-]:
+) -> tuple[MarkerRecording, MarkerRecording | None, Markers, tuple[str, ...]]:
     """Return the recording of one human on ground at rest, z up, its markers, and notes."""
     recording, others = select_subject(recording, subject)
     if static is not None and any(":" in label for label in static.labels):
         static, _ = select_subject(static, subject)
-    names, marks, notes = identify_markers(recording, static)
+    markers, notes = identify_markers(recording, static)
     if static is not None:
-        notes += static_trial_notes(recording, static, names, marks)
-    recording, view = while_in_view(recording, names)
-    recording, jumps = longest_without_jump(recording, names)
-    recording, axis = rotate_z_up(recording, names, marks, up)
+        notes += static_trial_notes(recording, static, markers)
+    recording, view = while_in_view(recording, markers)
+    recording, jumps = longest_without_jump(recording, markers)
+    recording, axis = rotate_z_up(recording, markers, up)
     recording, offsets = _tare_plates(recording)
     notes = (*recording.notes, *others, *notes, *view, *jumps, *offsets)
-    belt = belt_velocity(recording, names, marks)
+    belt = belt_velocity(recording, markers)
     if belt.any():
         recording = in_belt_frame(recording, belt)
         speed = float(np.linalg.norm(belt))
         notes += (f"feet that stand move at {speed:.2f} m/s: a treadmill, in its belt's frame",)
-    return recording, static, names, marks, notes + axis
+    return recording, static, markers, notes + axis
 
 
 def _tare_plates(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str, ...]]:
@@ -272,12 +275,12 @@ class _MarkerFit(NamedTuple):
 
 
 def _fit_markers(
-    recording: MarkerRecording, standing: Array, names: tuple[str, ...],
-    marks: tuple[Landmark, ...], stature: float | None, longest_gap: float,
+    recording: MarkerRecording, standing: Array, markers: Markers, stature: float | None,
+    longest_gap: float,
 ) -> _MarkerFit:  # fmt: skip
     """Fit a human to the markers of a recording, z up, and to frames of a static trial."""
-    time = recording.time
-    columns = [recording.labels.index(n) for n in names if n in recording.labels]
+    time, names, marks = recording.time, tuple(markers), tuple(markers.values())
+    columns = recording.columns(names)
     own = names[: len(columns)]
     given = recording.landmarks or (None,) * len(recording.labels)
     fixed = np.array([given[k] is not None for k in columns])
@@ -302,18 +305,14 @@ def _fit_markers(
     return _MarkerFit(found, poses, observed, residual, dropouts, trunk)
 
 
-def _static_frames(
-    static: MarkerRecording | None, names: tuple[str, ...], marks: tuple[Landmark, ...],
-    up: str | None,
-) -> Array:  # fmt: skip
+def _static_frames(static: MarkerRecording | None, markers: Markers, up: str | None) -> Array:
     """Return some frames (k, m, 3) of a static trial, z up; none without one."""
     if static is None:
-        return np.zeros((0, len(names), 3))
-    standing, _ = rotate_z_up(static, names, marks, up)
-    found = np.full((len(static.time), len(names), 3), np.nan)
-    for k, name in enumerate(names):
-        if name in static.labels:
-            found[:, k] = standing.positions[:, static.labels.index(name)]
+        return np.zeros((0, len(markers), 3))
+    standing, _ = rotate_z_up(static, markers, up)
+    found = np.full((len(static.time), len(markers), 3), np.nan)
+    there = [name in static.labels for name in markers]
+    found[:, there] = standing.positions[:, static.columns(markers)]
     if not np.isfinite(found).any():
         raise InvalidInputError(f"{static.source}: it shares no marker with the recording")
     frames = key_frames(found, STATIC_FRAMES)
@@ -362,35 +361,28 @@ def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     return down[nearest_rows(grid, motion.time)], min(cutoff_by_steps(down, grid), 0.45 * rate)
 
 
-def _speed_note(time: Array, position: Array) -> tuple[str, ...]:
-    speed = float(np.median(np.linalg.norm(np.gradient(position, time, axis=0), axis=1)))
-    if speed <= MAX_SPEED:
-        return ()
-    return (f"it moves at {speed:.0f} m/s: are its lengths and times in the right units?",)
-
-
-def _pull_note(series: RmpSeries) -> tuple[str, ...]:
+def _force_notes(series: RmpSeries, rate: float, cutoff: float) -> tuple[str, ...]:
     pull = -float(np.quantile(series.ground_force[:, 2], PULL_QUANTILE)) / series.robot.weight
-    if pull <= MAX_PULL:
-        return ()
-    what = f"the ground would have to pull by {pull:.1f} times the weight"
-    return (f"{what}: are its times and lengths in the right units?",)
-
-
-def _rate_note(rate: float, cutoff: float) -> tuple[str, ...]:
-    if cutoff >= MIN_CUTOFF:
-        return ()
-    return (f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz: forces too smooth",)
-
-
-def _fit_note(residual: Array) -> tuple[str, ...]:
-    rms = float(np.sqrt(np.nanmean((residual**2).sum(axis=2))))
-    if rms <= MAX_RMS:
-        return ()
-    return (
-        f"markers are {1e3 * rms:.0f} mm off the fit: they are not one human's, or their names"
-        " mean other places",
+    pulls = f"the ground would have to pull by {pull:.1f} times the weight"
+    shows = f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz"
+    return _due(
+        (pull > MAX_PULL, f"{pulls}: are its times and lengths in the right units?"),
+        (cutoff < MIN_CUTOFF, f"{shows}: forces too smooth"),
     )
+
+
+def _fit_notes(rms: float, time: Array, position: Array) -> tuple[str, ...]:
+    speed = float(np.median(np.linalg.norm(np.gradient(position, time, axis=0), axis=1)))
+    off = f"markers are {1e3 * rms:.0f} mm off the fit"
+    moves = f"it moves at {speed:.0f} m/s"
+    return _due(
+        (rms > MAX_RMS, f"{off}: they are not one human's, or their names mean other places"),
+        (speed > MAX_SPEED, f"{moves}: are its lengths and times in the right units?"),
+    )
+
+
+def _due(*notes: tuple[bool, str]) -> tuple[str, ...]:
+    return tuple(note for due, note in notes if due)
 
 
 def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, ...]:

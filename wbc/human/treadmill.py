@@ -5,10 +5,12 @@ The belt's frame moves at a constant velocity, so forces and accelerations are t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from wbc.human.landmarks import Landmark
-from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.human.marker_identification import Markers
+from wbc.human.markers import MarkerRecording
 from wbc.validate import Array
 
 MIN_BELT_SPEED = 0.3  # m/s: feet that stand on the ground seem to move by less
@@ -18,16 +20,14 @@ MAX_DEVIATION = 0.3  # median deviation of the feet's velocities on a belt, by t
 MIN_FRAMES = 10
 
 
-def belt_velocity(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...]
-) -> Array:
+def belt_velocity(recording: MarkerRecording, markers: Markers) -> Array:
     """Return the velocity (3,) of the ground [m/s], z up: 0, unless it is a belt.
 
     On a belt low feet move at a constant velocity, and the pelvis stays in place.
     """
     at_rest = np.zeros(3)
-    low = [_low_velocities(recording, names, marks, side) for side in ("left", "right")]
-    pelvis = _mean_of(recording, names, marks, "pelvis")
+    low = [_low_velocities(recording, markers, side) for side in ("left", "right")]
+    pelvis = _mean_of(recording, markers, "pelvis")
     seen = np.flatnonzero(np.isfinite(pelvis).all(axis=1))
     velocities = np.concatenate(low)
     if len(velocities) < MIN_FRAMES or len(seen) < MIN_FRAMES:
@@ -51,29 +51,21 @@ def in_belt_frame(recording: MarkerRecording, velocity: Array) -> MarkerRecordin
     for plate in recording.plates:
         shift = -(plate.time - start)[:, None] * velocity
         moment = plate.moment + np.cross(shift, plate.force)
-        plates.append(ForcePlate(plate.name, plate.time, plate.force, moment))
-    return recording.moved(moved, tuple(plates))
+        plates.append(replace(plate, moment=moment, corners=None))  # these would move
+    return replace(recording, positions=moved, plates=tuple(plates))
 
 
-def _mean_of(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], segment: str
-) -> Array:
+def _mean_of(recording: MarkerRecording, markers: Markers, segment: str) -> Array:
     """Return the mean position (n, 3) of a segment's markers; NaN where one is not seen."""
-    where = [
-        recording.labels.index(name)
-        for name, mark in zip(names, marks, strict=True)
-        if mark.segment == segment and name in recording.labels
-    ]
+    where = recording.columns(name for name, m in markers.items() if m.segment == segment)
     if not where:
         return np.full((len(recording.time), 3), np.nan)
     return np.asarray(recording.positions[:, where].mean(axis=1))
 
 
-def _low_velocities(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], side: str
-) -> Array:
+def _low_velocities(recording: MarkerRecording, markers: Markers, side: str) -> Array:
     """Return the horizontal velocities (k, 2) [m/s] of a foot where it is lowest."""
-    at = _mean_of(recording, names, marks, f"{side}_foot")
+    at = _mean_of(recording, markers, f"{side}_foot")
     velocity = np.gradient(at, recording.time, axis=0)
     good = np.isfinite(velocity).all(axis=1)
     if good.sum() < MIN_FRAMES:
