@@ -65,14 +65,13 @@ def test_auto_follows_the_lower_foot_without_a_jump(hoap2: Robot) -> None:
         parts |= {f"{side}_ankle_pitch": -0.5 * up}
     joints = moved(hoap2, parts)
     q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
-    found = planted_base(hoap2, TIME, q, "auto")
+    base, foot = planted_base(hoap2, TIME, q, "auto")
     feet = tuple(hoap2.feet)
-    assert feet[found.foot[np.argmax(up_left)]] == "right"
-    assert feet[found.foot[np.argmax(up_right)]] == "left"
-    assert found.changes
+    assert feet[foot[np.argmax(up_left)]] == "right"
+    assert feet[foot[np.argmax(up_right)]] == "left"
     # Both feet are flat when they change places, so every frame agrees with the hip of the legs
     # that stand, which do not move: the base stays where it was.
-    np.testing.assert_allclose(found.base, np.tile(found.base[0], (600, 1)), atol=2e-6)
+    np.testing.assert_allclose(base, np.tile(base[0], (600, 1)), atol=2e-6)
     series = analyze(Motion(hoap2, TIME, joints), planted="auto")
     k = int(np.argmax(up_left))
     assert series.standing[k].tolist() == [False, True]
@@ -81,24 +80,22 @@ def test_auto_follows_the_lower_foot_without_a_jump(hoap2: Robot) -> None:
 
 
 def test_contradicting_feet_are_blended(hoap2: Robot) -> None:
-    # The left ankle is off by 0.08 rad; the left leg gets longer, so that it takes over.
+    # The left ankle is off by 0.08 rad; its leg gets longer than the right, so that it takes over.
     longer = np.clip((TIME - 1.0) / 0.2, 0.0, 1.0)
-    parts = {"left_ankle_roll": 0.08, "right_hip_pitch": -0.3 * longer}
-    parts |= {"right_knee_pitch": 0.6 * longer, "right_ankle_pitch": -0.3 * longer}
+    parts = {"left_ankle_roll": 0.08}
+    for side, bent in (("left", 1.0 - longer), ("right", longer)):
+        parts |= {f"{side}_{n}_pitch": k * bent for n, k in (("hip", -0.3), ("knee", 0.6))}
+        parts[f"{side}_ankle_pitch"] = -0.3 * bent
     joints = moved(hoap2, parts)
     q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
-    q[:, 7:] = joints
-    start_right = planted_base(hoap2, TIME, q, "right")
-    found = planted_base(hoap2, TIME, q, "auto")
-    changes = np.flatnonzero(np.diff(found.foot))
-    steps = np.abs(np.diff(found.base, axis=0)).max(axis=1)
+    base, foot = planted_base(hoap2, TIME, q, "auto")
+    changes = np.flatnonzero(np.diff(foot))
+    steps = np.abs(np.diff(base, axis=0)).max(axis=1)
     # No step is larger than what the easing and the legs move in 5 ms: 0.08 rad * 1.9 / 0.1 s.
     assert steps.max() < 0.08 * 1.9 / EASE / RATE + 0.005
-    assert len(start_right.base) == 600
-    last = int(changes[-1]) + 1 if len(changes) else 0
-    settled = min(last + int(EASE * RATE) + 2, 599)
-    here = hoap2.snapshot(np.hstack((found.base[settled], joints[settled])))
-    frame = hoap2.feet[tuple(hoap2.feet)[found.foot[settled]]].frame
+    settled = min(int(changes[-1]) + 1 + int(EASE * RATE) + 2, 599)
+    here = hoap2.snapshot(np.hstack((base[settled], joints[settled])))
+    frame = hoap2.feet[tuple(hoap2.feet)[foot[settled]]].frame
     np.testing.assert_allclose(here.rotation(frame)[2], [0.0, 0.0, 1.0], atol=1e-9)
     assert here.position(frame)[2] == pytest.approx(0.0, abs=1e-9)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,19 +20,6 @@ HYSTERESIS = 0.005  # m, of the other foot below the planted sole before it is p
 EASE = 0.1  # s in which a newly planted foot becomes flat
 
 
-@dataclass(frozen=True, eq=False)
-class PlantedBase:
-    """The base by a planted foot."""
-
-    base: Array  # position [m] and quaternion xyzw (n, 7)
-    foot: NDArray[np.intp]  # which foot is planted (n,), index among robot.feet
-
-    @property
-    def changes(self) -> bool:
-        """Whether more than one foot is planted over time."""
-        return bool((self.foot != self.foot[0]).any())
-
-
 def planted_base(
     robot: Robot,
     time: Array,
@@ -41,7 +27,7 @@ def planted_base(
     planted: str,
     height: float = 0.0,
     progress: Progress | None = None,
-) -> PlantedBase:
+) -> tuple[Array, NDArray[np.intp]]:
     """Return the base for which a foot's sole lies flat on the ground and does not move.
 
     In the first frame the base is above the origin and faces x. With ``auto`` the lower foot is
@@ -60,6 +46,12 @@ def planted_base(
     height:
         Height of the ground [m].
 
+    Returns
+    -------
+    tuple
+        Positions [m] and quaternions xyzw (n, 7), and the planted foot (n,), index among
+        ``robot.feet``.
+
     Raises
     ------
     UnknownNameError
@@ -76,7 +68,7 @@ def planted_base(
     foot = _lower_feet(robot, soles) if auto else np.full(len(q), feet.index(planted))
     poses = _base_poses(np.stack([soles[name] for name in feet]), foot, time, height)
     quaternion = same_sign(Rotation.from_matrix(poses[:, :3, :3]).as_quat())
-    return PlantedBase(np.hstack((poses[:, :3, 3], quaternion)), foot)
+    return np.hstack((poses[:, :3, 3], quaternion)), foot
 
 
 def _lower_feet(robot: Robot, soles: Mapping[str, Array]) -> NDArray[np.intp]:

@@ -79,11 +79,11 @@ def smooth_trajectory(
     foot, passes = None, 1
     if planted is not None:
         q = _configurations(motion.robot, smooth)
-        found = planted_base(motion.robot, grid, q, planted, height, progress)
-        # The base has kinks where the planted foot changes, which the joints' filter left.
-        passes = 2 if found.changes and cutoff is not None else 1
-        base = low_pass(found.base, own_rate, cutoff) if passes == 2 else found.base
-        smooth, foot = np.hstack((base, smooth[:, BASE_NQ:])), found.foot
+        base, foot = planted_base(motion.robot, grid, q, planted, height, progress)
+        if cutoff is not None and (foot != foot[0]).any():
+            # The base has kinks where the planted foot changes, which the joints' filter left.
+            base, passes = low_pass(base, own_rate, cutoff), 2
+        smooth = np.hstack((base, smooth[:, BASE_NQ:]))
     smooth[:, 3:BASE_NQ] /= np.linalg.norm(smooth[:, 3:BASE_NQ], axis=1)[:, None]
     time = grid if rate is None else sample_times(grid, finite_number("rate", rate, above=0.0))
     nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)

@@ -25,11 +25,10 @@ from wbc.retargeting.footsteps import FootPaths, Footprint, yaw_pitch_rotations
 from wbc.retargeting.normal_equations import NormalEquations, pad_rows
 from wbc.retargeting.trajectory_problem import (
     TrajectoryProblem,
-    nearest_limits,
     rotate_angular_part,
+    step_within_limits,
 )
 from wbc.robot import Robot
-from wbc.robot.limits import BASE_NV
 from wbc.robot.series import StateSeries, sole_series
 from wbc.rotations import headings
 from wbc.validate import Array
@@ -194,19 +193,10 @@ class _LinearizedConstraints:
 
         Joints that would pass a limit are held there; the active set only grows.
         """
-        joints, active = self.joints, np.zeros(self.joints.shape, dtype=bool)
-        diagonal = np.full(self.normal.gradient.shape, damping**2)
-        gradient = np.zeros(self.normal.gradient.shape)
-        nearest = nearest_limits(joints, self.lower, self.upper)
-        for _ in range(MAX_ACTIVE_SETS):
-            diagonal[:, BASE_NV:] = damping**2 + WEIGHT**2 * active
-            gradient[:, BASE_NV:] = WEIGHT**2 * active * (joints - nearest)
-            step = self.normal.solve(diagonal, gradient)
-            goal = joints + step[:, BASE_NV:]
-            past: NDArray[np.bool_] = active | (goal > self.upper) | (goal < self.lower)
-            if np.array_equal(past, active):
-                break
-            active = past
+        step, _ = step_within_limits(
+            self.normal, self.joints, self.lower, self.upper, WEIGHT, damping,
+            np.zeros(self.joints.shape, dtype=bool), MAX_ACTIVE_SETS, release=False,
+        )  # fmt: skip
         return self.problem.apply_step(self.found.q, step)
 
 

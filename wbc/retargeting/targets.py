@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -218,29 +218,8 @@ def _step_scale_and_lowering(
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
     """Return the scale of the steps and the lowering of the CoM [m] for legs to reach, and notes.
 
-    ``unscaled``: paths of the feet with a step scale of 1.
-    """
-    lowering = _required_lowering(source, robot, legs, standing, scale, pelvis, body, unscaled)
-    scales = np.linspace(1.0, MIN_STEP_SCALE, STEP_SCALES)
-    lower = np.array([lowering(one) for one in scales])
-    cost = (lower / (LOWERING_UNIT * legs.length)) ** 2 + ((1.0 - scales) / SHORTENING_UNIT) ** 2
-    step_scale, lowered = float(scales[np.argmin(cost)]), float(lower[np.argmin(cost)])
-    notes = list[str]()
-    if step_scale < 1.0:
-        notes.append(f"steps are {step_scale:.0%} of the human's, scaled: the legs reach so far")
-    if lowered > 0.0:
-        notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
-    return step_scale, lowered, tuple(notes)
-
-
-def _required_lowering(
-    source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap, unscaled: FootPaths,
-) -> Callable[[float], float]:  # fmt: skip
-    """Return the lowering of the CoM [m] that bends standing legs enough, by the step scale.
-
     All positions are linear in the step scale, but for the outward shift of the feet, which is
-    taken as linear too.
+    taken as linear too. ``unscaled``: paths of the feet with a step scale of 1.
     """
     snapshot = robot.snapshot(robot.postures[STANDING])
     upright, longest = snapshot.rotation(body.pelvis), MAX_LEG_EXTENSION * legs.length
@@ -261,12 +240,18 @@ def _required_lowering(
             vector = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
             vectors.append(vector[path.down])
         ends.append(np.concatenate(vectors))
-
-    def lowering(step_scale: float) -> float:
-        u = (step_scale - MIN_STEP_SCALE) / (1.0 - MIN_STEP_SCALE)
+    scales = np.linspace(1.0, MIN_STEP_SCALE, STEP_SCALES)
+    lower = np.empty(STEP_SCALES)
+    for k, u in enumerate((scales - MIN_STEP_SCALE) / (1.0 - MIN_STEP_SCALE)):
         vector = (1.0 - u) * ends[0] + u * ends[1]
         horizontal_sq = np.square(vector[:, :2]).sum(axis=1)
         highest = np.sqrt(np.maximum(longest**2 - horizontal_sq, 0.0))
-        return float((vector[:, 2] - highest).max(initial=0.0))
-
-    return lowering
+        lower[k] = (vector[:, 2] - highest).max(initial=0.0)
+    cost = (lower / (LOWERING_UNIT * legs.length)) ** 2 + ((1.0 - scales) / SHORTENING_UNIT) ** 2
+    step_scale, lowered = float(scales[np.argmin(cost)]), float(lower[np.argmin(cost)])
+    notes = list[str]()
+    if step_scale < 1.0:
+        notes.append(f"steps are {step_scale:.0%} of the human's, scaled: the legs reach so far")
+    if lowered > 0.0:
+        notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
+    return step_scale, lowered, tuple(notes)

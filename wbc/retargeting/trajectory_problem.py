@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
@@ -149,7 +150,11 @@ class TrajectoryProblem:
 
     def step(self, known: Linearization) -> Array:
         """Return configurations (n, nq) after a step with the present damping."""
-        return self.apply_step(known.q, self._solve_within_limits(known.joints, known.normal))
+        step, self._at_limit = step_within_limits(
+            known.normal, known.joints, self.lower, self.upper, LIMIT_WEIGHT, self.damping,
+            self._at_limit, MAX_ACTIVE_SETS, release=True,
+        )  # fmt: skip
+        return self.apply_step(known.q, step)
 
     def apply_step(self, q: Array, step: Array) -> Array:
         """Return configurations (n, nq) after displacements (n, nv), which are clipped in place."""
@@ -264,27 +269,6 @@ class TrajectoryProblem:
         w = self.tasks.posture.weight
         normal.add_differences((1.0,), w**2, w**2 * (joints - wanted), BASE_NV)
 
-    def _solve_within_limits(self, joints: Array, normal: NormalEquations) -> Array:
-        """Return displacements (n, nv) that violate limits by little.
-
-        An active-set method: joints that would pass a limit are held there by rows of high weight,
-        and released where they are pulled inside; the active set of the iteration before is tried
-        first.
-        """
-        nearest = nearest_limits(joints, self.lower, self.upper)
-        for _ in range(MAX_ACTIVE_SETS):
-            diagonal = np.full_like(normal.gradient, self.damping**2)
-            gradient = np.zeros_like(normal.gradient)
-            diagonal[:, BASE_NV:] += LIMIT_WEIGHT**2 * self._at_limit
-            gradient[:, BASE_NV:] = LIMIT_WEIGHT**2 * self._at_limit * (joints - nearest)
-            step = normal.solve(diagonal, gradient)
-            goal = joints + step[:, BASE_NV:]
-            past = (goal > self.upper) | (goal < self.lower)
-            if np.array_equal(past, self._at_limit):
-                break
-            self._at_limit = past
-        return step
-
     def add_momentum(
         self, states: StateSeries, normal: NormalEquations, *, unchanged: bool = False
     ) -> float:
@@ -363,10 +347,29 @@ class TrajectoryProblem:
         return cost
 
 
-def nearest_limits(joints: Array, lower: Array, upper: Array) -> Array:
-    """Return each joint's nearer limit (n, nv - 6), or its position where it has none."""
+def step_within_limits(
+    normal: NormalEquations, joints: Array, lower: Array, upper: Array, weight: float,
+    damping: float, held: NDArray[np.bool_], tries: int, *, release: bool,
+) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+    """Return displacements (n, nv) that violate limits by little, and the joints held at one.
+
+    An active-set method: joints (n, nv - 6) that would pass a limit are ``held`` at the nearer one
+    by rows of high ``weight``, and with ``release`` let go where they are pulled inside.
+    """
     nearest = np.where(joints - lower > upper - joints, upper, lower)
-    return np.where(np.isfinite(nearest), nearest, joints)
+    nearest = np.where(np.isfinite(nearest), nearest, joints)
+    diagonal = np.full_like(normal.gradient, damping**2)
+    gradient = np.zeros_like(normal.gradient)
+    for _ in range(tries):
+        diagonal[:, BASE_NV:] = damping**2 + weight**2 * held
+        gradient[:, BASE_NV:] = weight**2 * held * (joints - nearest)
+        step = normal.solve(diagonal, gradient)
+        goal = joints + step[:, BASE_NV:]
+        past = (goal > upper) | (goal < lower) | (held if not release else False)
+        if np.array_equal(past, held):
+            break
+        held = past
+    return step, held
 
 
 def rotate_angular_part(R: Array, e: Array, J: Array) -> tuple[Array, Array]:
