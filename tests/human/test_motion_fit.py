@@ -34,11 +34,22 @@ def com_of(body: HumanBody, poses: object) -> np.ndarray:
     return np.array([robot.snapshot(q).com for q in configurations(robot, poses)])
 
 
+def configurations_of(human: HumanMotion) -> np.ndarray:
+    return np.hstack((human.motion.base, human.motion.joints))
+
+
+def fitted_com(human: HumanMotion) -> np.ndarray:
+    return np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
+
+
+def markers_of(labels: list[str]) -> MarkerSet:
+    marks = tuple(landmark(str(landmark_of(label))) for label in labels)
+    return MarkerSet(tuple(labels), marks, BODY.scale * np.array([one.place for one in marks]))
+
+
 def test_known_body_is_fitted_exactly() -> None:
     recording, truth = recorded(BODY, seconds=0.5)
-    marks = tuple(landmark(str(landmark_of(label))) for label in LABELS)
-    places = BODY.scale * np.array([mark.place for mark in marks])
-    markers = MarkerSet(tuple(LABELS), marks, places)
+    markers = markers_of(LABELS)
     start = initial_poses(recording.positions, markers, BODY.dimensions)
     found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
     seen = (
@@ -48,11 +59,6 @@ def test_known_body_is_fitted_exactly() -> None:
     # Joints lean to neutral by (10 mm / lever / spread)^2 of their angle: a mm or so.
     assert np.abs(seen).max() < 3e-3
     assert np.sqrt((seen**2).mean()) < 5e-4
-
-
-def markers_of(labels: list[str]) -> MarkerSet:
-    marks = tuple(landmark(str(landmark_of(label))) for label in labels)
-    return MarkerSet(tuple(labels), marks, BODY.scale * np.array([one.place for one in marks]))
 
 
 def test_knees_and_elbows_by_joint_centres_bend_the_right_way() -> None:
@@ -76,8 +82,9 @@ def test_knees_and_elbows_by_joint_centres_bend_the_right_way() -> None:
             angles[:, HINGE_NAMES.index(f"{side}_{name}")] = rng.uniform(least, most, 100)
     posed = Poses(np.zeros((100, 3)), rotations(0.4 * rng.standard_normal((100, 3))), angles)
     recording, _ = recorded(BODY, labels=labels, posed=(time, posed))
-    start = initial_poses(recording.positions, markers_of(labels), BODY.dimensions)
-    found, _ = fit_poses(start, recording.positions, markers_of(labels), BODY.dimensions)
+    markers = markers_of(labels)
+    start = initial_poses(recording.positions, markers, BODY.dimensions)
+    found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
     for name in ("knee_flexion", "elbow_flexion"):
         both = [HINGE_NAMES.index(f"{side}_{name}") for side in ("left", "right")]
         assert (found.angles[:, both] > 0.0).all(), name
@@ -98,8 +105,11 @@ def test_frames_in_local_minima_are_refitted_from_their_neighbours() -> None:
     assert np.abs(found.angles[:, knee] - truth.angles[:, knee]).max() < 0.05
 
 
+Marched = tuple[MarkerRecording, tuple[HumanBody, Poses], HumanMotion]
+
+
 @pytest.fixture(scope="module")
-def marched() -> tuple[MarkerRecording, object, wbc.human.HumanMotion]:
+def marched() -> Marched:
     """A body that is not usual, markers 0.6 spreads beside where they should be, 1 mm of noise."""
     rng = np.random.default_rng(3)
     usual = HumanBody.of(1.82, 72.0, "male")
@@ -112,27 +122,23 @@ def marched() -> tuple[MarkerRecording, object, wbc.human.HumanMotion]:
     holes[150:210, k("C7")] = np.nan  # long: follows the fit
     holes[60:70, [k("LANK"), k("LTOE")]] = holes[60:70, [k("LTOE"), k("LANK")]]
     holes[240, k("RELB")] += 0.6  # a ghost
-    seen = MarkerRecording(recording.time, recording.labels, holes, recording.plates, "z")
-    return recording, (body, poses), human_motion(seen)
+    return recording, (body, poses), human_motion(replace(recording, positions=holes))
 
 
 @pytest.mark.slow
-def test_unknown_body_is_calibrated(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_unknown_body_is_calibrated(marched: Marched) -> None:
     _, (body, poses), human = marched
     assert human.rms < 6e-3
     off = np.abs(human.body.dimensions - body.dimensions)
     lengths = [NAMES.index(name) for name in ("thigh", "shank", "upper_arm", "forearm")]
     assert off[lengths].max() < 0.03  # of 0.3 to 0.45 m: markers hide the rest
-    robot = human.motion.robot
-    q = np.hstack((human.motion.base, human.motion.joints))
-    com = np.array([robot.snapshot(one).com for one in q])
-    off = com - com_of(body, poses)
+    off = fitted_com(human) - com_of(body, poses)
     assert np.sqrt((off**2).sum(axis=1).mean()) < 0.02
     assert np.sqrt(((off - off.mean(axis=0)) ** 2).sum(axis=1).mean()) < 5e-3
 
 
 @pytest.mark.slow
-def test_missing_and_swapped_markers_are_repaired_and_told(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_missing_and_swapped_markers_are_repaired_and_told(marched: Marched) -> None:
     _, _, human = marched
     told = {(one.kind, one.columns) for one in human.motion.dropouts}
     assert ("missing numbers", ("LKNE",)) in told
@@ -147,7 +153,7 @@ def test_missing_and_swapped_markers_are_repaired_and_told(marched: tuple) -> No
 
 
 @pytest.mark.slow
-def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_forces_are_those_of_the_true_motion(marched: Marched) -> None:
     recording, (body, _), human = marched
     assert human.body.mass == pytest.approx(body.mass, rel=0.01)  # weighed by the plate
     series = wbc.analyze(human.motion, cutoff=6.0, noise=human.noise, feet=None)
@@ -162,7 +168,7 @@ def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: i
 
 
 @pytest.mark.slow
-def test_plates_without_all_of_the_force_are_not_compared(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_plates_without_all_of_the_force_are_not_compared(marched: Marched) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
     nowhere = np.zeros((len(human.motion.time), 2), dtype=bool)
@@ -172,15 +178,13 @@ def test_plates_without_all_of_the_force_are_not_compared(marched: tuple) -> Non
 
 def below(human: HumanMotion) -> np.ndarray:
     """Return where the left sole is above the ground (n, 3) [m], at its height 0."""
-    robot, q = human.motion.robot, np.hstack((human.motion.base, human.motion.joints))
+    robot, q = human.motion.robot, configurations_of(human)
     frame = robot.feet["left"].frame
     return np.array([robot.snapshot(one).position(frame) * (1.0, 1.0, 0.0) for one in q])
 
 
 @pytest.mark.slow
-def test_frames_near_a_foot_beside_the_plates_are_not_compared(
-    marched: tuple,  # type: ignore[type-arg]
-) -> None:
+def test_frames_near_a_foot_beside_the_plates_are_not_compared(marched: Marched) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
     time = human.motion.time
@@ -225,9 +229,7 @@ def test_plates_that_push_away_from_the_feet_are_noted(away: float) -> None:
 
 
 @pytest.mark.slow
-def test_late_plates_are_told_and_bands_contain_their_delay(
-    marched: tuple,  # type: ignore[type-arg]
-) -> None:
+def test_late_plates_are_told_and_bands_contain_their_delay(marched: Marched) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=human.noise, feet=None)
     time, force, soles = human.motion.time, human.recording.plates[0].force, below(human)
@@ -250,9 +252,7 @@ def test_late_plates_are_told_and_bands_contain_their_delay(
 
 
 @pytest.mark.slow
-def test_frames_with_a_foot_over_the_edge_of_a_plate_are_not_compared(
-    marched: tuple,  # type: ignore[type-arg]
-) -> None:
+def test_frames_with_a_foot_over_the_edge_of_a_plate_are_not_compared(marched: Marched) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
     time, force, soles = human.motion.time, human.recording.plates[0].force, below(human)
@@ -279,7 +279,7 @@ def test_plate_with_its_cop_under_one_foot_does_not_carry_the_other() -> None:
     human = human_motion(recorded(BODY, posed=(moment, poses))[0], mass=72.0)
     series = wbc.analyze(human.motion, cutoff=4.0, noise=None, feet=None)
     time, robot = human.motion.time, human.motion.robot
-    q = np.hstack((human.motion.base, human.motion.joints))[0]
+    q = configurations_of(human)[0]
     left, right = (robot.snapshot(q).position(robot.feet[s].frame) for s in ("left", "right"))
     force = np.tile((0.0, 0.0, robot.weight), (len(time), 1))
     down = np.ones((len(time), 2), dtype=bool)
@@ -312,8 +312,7 @@ def test_human_is_fitted_only_while_in_view() -> None:
     here = recording.positions.copy()
     here[:35] = here[80:] = np.nan
     here[35:40, :10] = np.nan  # not all of it at once
-    seen = MarkerRecording(recording.time, recording.labels, here, up="z")
-    human = human_motion(seen, mass=72.0)
+    human = human_motion(replace(recording, positions=here), mass=72.0)
     assert human.motion.time[[0, -1]] == pytest.approx(recording.time[[35, 79]])
     assert any("0.35 to 0.79 s" in note for note in human.notes)
     assert human.rms < 5e-3
@@ -331,15 +330,11 @@ def test_t_pose_before_the_motion_is_dropped_with_a_note(
     first = places[0].copy()
     first[[whole.labels.index(n) for n in ("LELB", "LWRA", "LWRB", "LFIN")]] += (0.0, 0.4, 0.4)
     first += (-0.25, 0.1, 0.0)
-    found = human_motion(
-        MarkerRecording(
-            np.append(time[0] - step / 100, time),
-            whole.labels,
-            np.concatenate((first[None], places)),
-            up="z",
-        )
+    before = np.append(time[0] - step / 100, time)
+    found, truth = (
+        human_motion(replace(whole, time=t, positions=at))
+        for t, at in ((before, np.concatenate((first[None], places))), (time, places))
     )
-    truth = human_motion(MarkerRecording(time, whole.labels, places, up="z"))
     np.testing.assert_array_equal(found.motion.time, truth.motion.time)
     np.testing.assert_array_equal(found.motion.base, truth.motion.base)
     assert any("jumps at 0.000 s" in note for note in found.notes)
@@ -351,7 +346,7 @@ def test_spliced_recordings_are_cut_to_the_longest_part() -> None:
     whole, _ = recorded(BODY, seconds=1.0)
     places = whole.positions.copy()
     places[30:] += (1.0, -0.5, 0.0)
-    found = human_motion(MarkerRecording(whole.time, whole.labels, places, up="z"))
+    found = human_motion(replace(whole, positions=places))
     assert found.motion.time[0] == 0.3 and len(found.motion.time) == 70
     assert any("jumps at 0.300 s" in note and "0.990 s" in note for note in found.notes)
 
@@ -363,7 +358,7 @@ def test_joints_of_a_skeleton_are_never_swapped() -> None:
     places[40:, [k("LANK"), k("LTOE")]] = places[40:, [k("LTOE"), k("LANK")]]
     marks = tuple(landmark(str(landmark_of(label))) for label in whole.labels)
     for given, told in (((), True), (marks, False)):
-        seen = MarkerRecording(whole.time, whole.labels, places, up="z", landmarks=given)
+        seen = replace(whole, positions=places, landmarks=given)
         kinds = {one.kind for one in human_motion(seen).motion.dropouts}
         assert ("swapped markers" in kinds) is told
 
@@ -390,36 +385,36 @@ def test_y_up_in_mm_is_recognised(tmp_path) -> None:  # type: ignore[no-untyped-
     assert human.motion.base[:, 2].mean() == pytest.approx(0.93, abs=0.03)
 
 
-@pytest.mark.parametrize("axes", [(0, 2, 1), (1, 0, 2)])
-def test_left_handed_axes_are_refused(axes: tuple[int, int, int]) -> None:
-    """As Unity writes them: a human of 2 mm of residual would walk backwards."""
+@pytest.mark.parametrize(
+    ("axes", "signs", "words"),
+    [
+        # As Unity writes them: a human of 2 mm of residual would walk backwards.
+        ((0, 2, 1), (1.0, 1.0, 1.0), "left-handed"),
+        ((1, 0, 2), (1.0, 1.0, 1.0), "left-handed"),
+        ((0, 2, 1), (1.0, -1.0, 1.0), "its y axis points down"),
+    ],
+)
+def test_axes_of_other_worlds_are_refused(
+    axes: tuple[int, ...], signs: tuple[float, ...], words: str
+) -> None:
     recording, _ = recorded(BODY, seconds=0.1)
-    turned = recording.positions[:, :, axes]
-    with pytest.raises(RecordingError, match="left-handed"):
-        human_motion(MarkerRecording(recording.time, recording.labels, turned))
+    with pytest.raises(RecordingError, match=words):
+        human_motion(replace(recording, positions=recording.positions[:, :, axes] * signs, up=None))
 
 
 def test_given_axis_that_is_not_up_is_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
-    seen = MarkerRecording(recording.time, recording.labels, recording.positions)
+    seen = replace(recording, up=None)
     said = "x taken for up, as given, but the trunk is along z of the feet"
     assert any(said in note for note in human_motion(seen, mass=72.0, up="x").notes)
     assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
 
 
-def test_axis_that_points_down_is_refused() -> None:
-    recording, _ = recorded(BODY, seconds=0.1)
-    turned = recording.positions[:, :, [0, 2, 1]] * (1.0, -1.0, 1.0)
-    with pytest.raises(RecordingError, match="its y axis points down"):
-        human_motion(MarkerRecording(recording.time, recording.labels, turned))
-
-
 def test_impossible_speed_is_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.3)
     for speed, told in ((9.0, False), (90.0, True)):
-        ahead = recording.time[:, None, None] * (speed, 0.0, 0.0)
-        seen = MarkerRecording(recording.time, recording.labels, recording.positions + ahead)
-        notes = human_motion(seen, mass=72.0).notes
+        ahead = recording.positions + recording.time[:, None, None] * (speed, 0.0, 0.0)
+        notes = human_motion(replace(recording, positions=ahead), mass=72.0).notes
         assert any("moves at 90 m/s" in note for note in notes) is told
 
 
@@ -453,8 +448,7 @@ def test_bands_are_finite_without_motion_and_with_rare_markers(frames: range) ->
     else:  # each marker in a third of the frames
         for k in range(len(LABELS)):
             places[np.setdiff1d(np.arange(100), np.array(frames) + k % 3), k] = np.nan
-    seen = MarkerRecording(recording.time, recording.labels, places, up="z")
-    human = human_motion(seen, mass=72.0)
+    human = human_motion(replace(recording, positions=places), mass=72.0)
     series = wbc.analyze(human.motion, cutoff=human.cutoff, noise=human.noise)
     assert series.uncertainty is not None and np.isfinite(series.uncertainty.cop).all()
 
@@ -467,10 +461,8 @@ def test_pulling_ground_and_low_frame_rate_are_noted() -> None:
         (1.0, hop, "pull by 1"),
         (40.0, 0.0, "2.5 frames a sec"),
     ):
-        seen = MarkerRecording(
-            by * recording.time, recording.labels, recording.positions + high, up="z"
-        )
-        notes = human_motion(seen, mass=72.0).notes
+        slow = replace(recording, time=by * recording.time, positions=recording.positions + high)
+        notes = human_motion(slow, mass=72.0).notes
         found = [note for note in notes if "pull by" in note or "frames a sec" in note]
         assert len(found) == bool(told) and all(told in note for note in found)
 
@@ -487,9 +479,8 @@ def test_markers_of_no_human_are_refused_or_noted() -> None:
     places, k = recording.positions.copy(), recording.labels.index
     swapped = [k(name) for name in ("LKNE", "LANK", "RKNE", "RANK")]
     places[:, swapped] = places[:, [swapped[j] for j in (1, 0, 3, 2)]]
-    seen = MarkerRecording(recording.time, recording.labels, places)
     with pytest.raises(InvalidInputError, match="off any human, whose shank would be"):
-        human_motion(seen, up="z")
+        human_motion(replace(recording, positions=places))
 
 
 OPTITRACK = (  # its baseline set: places by what Motive shows them on
@@ -533,8 +524,7 @@ def test_markers_with_swapped_names_are_noted(pair: tuple[str, ...]) -> None:
     recording, _ = recorded(BODY, seconds=1.0, off=0.6, noise=1e-3)
     places, k = recording.positions.copy(), [recording.labels.index(name) for name in pair]
     places[:, k] = places[:, k[::-1]]
-    seen = MarkerRecording(recording.time, recording.labels, places, up="z")
-    human = human_motion(seen, mass=72.0)
+    human = human_motion(replace(recording, positions=places), mass=72.0)
     told = [note for note in human.notes if "far from the places of their names" in note]
     assert human.rms < 3e-3 and len(told) == bool(pair)
     assert all(name in note for note in told for name in pair[-1:])
@@ -557,8 +547,7 @@ def test_shoulders_alone_and_joints_of_cameras_are_fitted_with_a_note() -> None:
     human = human_motion(recording, mass=72.0)
     assert "of the trunk only the shoulders are known: its tilt is less certain" in human.notes
     assert human.rms < 2e-3
-    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
-    assert np.abs(com - com_of(BODY, poses)).max() < 0.02
+    assert np.abs(fitted_com(human) - com_of(BODY, poses)).max() < 0.02
     ends = {"Hip": "thigh", "Knee": "shank", "Ankle": "foot", "Shoulder": "upper_arm"}
     placed = forward_kinematics(poses, BODY.dimensions)
     tracks = {
@@ -573,18 +562,13 @@ def test_shoulders_alone_and_joints_of_cameras_are_fitted_with_a_note() -> None:
     )
     assert "of the pelvis only the hips are known: its tilt is less certain" in human.notes
     assert {one.name for one in human.markers.landmarks} >= {"left_hip_centre", "left_knee_centre"}
-    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
-    assert np.abs(com - com_of(BODY, poses)).max() < 0.04
-
-
-def configurations_of(human: HumanMotion) -> np.ndarray:
-    return np.hstack((human.motion.base, human.motion.joints))
+    assert np.abs(fitted_com(human) - com_of(BODY, poses)).max() < 0.04
 
 
 def test_small_child_has_its_stature_and_a_note_about_the_unit() -> None:
     recording, _ = recorded(BODY, seconds=0.3)
-    small = MarkerRecording(recording.time, LABELS, 0.55 * recording.positions, (), "z")
-    child, known = human_motion(small), human_motion(small, stature=0.95)
+    small = replace(recording, positions=0.55 * recording.positions)
+    child, known = human_motion(small, sex="Male"), human_motion(small, stature=0.95)
     assert child.body.stature == pytest.approx(0.55 * BODY.stature, rel=0.02)
     told = [note for note in child.notes if "a small child, or are they in another unit?" in note]
     assert len(told) == 1 and told[0] not in known.notes
@@ -608,13 +592,13 @@ def test_subject_is_required_of_two_humans_and_objects_are_left_out() -> None:
     assert anna.rms < 1e-3 and not any("off the fit" in note for note in anna.notes)
     mixed = recording.positions.copy()
     mixed[:, ::3, 0] += 0.3 * np.sin(40.0 * recording.time)[:, None]  # as of who walks elsewhere
-    nobody = human_motion(MarkerRecording(recording.time, LABELS, mixed, up="z"), mass=72.0)
+    nobody = human_motion(replace(recording, positions=mixed), mass=72.0)
     assert any("not one human's" in note for note in nobody.notes)
 
 
 def test_lengths_in_another_unit_are_refused_by_the_stature() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
-    inches = MarkerRecording(recording.time, LABELS, recording.positions / 0.0254, (), "z")
+    inches = replace(recording, positions=recording.positions / 0.0254)
     with pytest.raises(InvalidInputError, match=r"the human is 7\d.* m tall.*unit"):
         human_motion(inches)
 
@@ -670,11 +654,10 @@ def test_markers_of_legs_only_hold_the_trunk_upright_with_a_note() -> None:
     human = human_motion(recording, mass=72.0)
     assert any("no marker tells the lean of the trunk" in note for note in human.notes)
     assert human.rms < 2e-3
-    states = [human.motion.robot.snapshot(q) for q in configurations_of(human)]
-    upright = [state.rotation("trunk")[2, 2] for state in states]
+    robot = human.motion.robot
+    upright = [robot.snapshot(q).rotation("trunk")[2, 2] for q in configurations_of(human)]
     assert min(upright) > 1.0 - 1e-9
-    com = np.array([state.com for state in states])
-    assert np.abs(com - com_of(BODY, poses)).max() < 0.04
+    assert np.abs(fitted_com(human) - com_of(BODY, poses)).max() < 0.04
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.6, -0.9])
@@ -694,8 +677,7 @@ def test_one_marker_on_the_trunk_is_enough_with_a_note() -> None:
     recording, poses = recorded(BODY, labels=[*LEGS_ONLY, "C7"], seconds=2.0)
     human = human_motion(recording, mass=72.0)
     assert "of the trunk only c7 is known: its tilt is less certain" in human.notes
-    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
-    assert np.abs(com - com_of(BODY, poses)).max() < 0.03
+    assert np.abs(fitted_com(human) - com_of(BODY, poses)).max() < 0.03
 
 
 def test_arms_without_a_trunk_are_refused() -> None:

@@ -181,7 +181,7 @@ def human_motion(
     example = "read_markers(path)"
     check_kind("human_motion, recording", recording, MarkerRecording, example)
     check_kind("human_motion, static", static, MarkerRecording, example, or_none=True)
-    check_sex(sex)
+    sex = check_sex(sex)
     recording.check_moving()
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass, stature = check_build(mass, stature)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.human.markers import ForcePlate, MarkerRecording
-from wbc.motion.table import RecordingError, numbers_of, read_text, shortened
+from wbc.motion.table import RecordingError, cell_numbers, numbers_of, read_text, shortened
 from wbc.validate import Array
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
@@ -67,14 +67,8 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
         if len(cells) > width:
             what = f"it has {len(cells)} cells, the header has {width}"
             raise RecordingError(what, source, None, len(found) + 1, number)
-        row = [np.nan] * width
-        for k, cell in enumerate(cells):
-            try:
-                row[k] = float(cell) if cell.strip() else np.nan
-            except ValueError:
-                what = f"{shortened(cell.strip())!r} is not a number"
-                raise RecordingError(what, source, None, len(found) + 1, number) from None
-        found.append(row)
+        row = cell_numbers(cells, source, len(found) + 1, number)
+        found.append(row + [np.nan] * (width - len(row)))
     return numbers_of(found, source)
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.human.bones import Bone, bone_markers, joint_landmarks
 from wbc.human.markers import MarkerRecording
-from wbc.motion.table import RecordingError, numbers_of, read_text, shortened
+from wbc.motion.table import RecordingError, cell_numbers, numbers_of, read_text, shortened
 from wbc.validate import Array
 
 MOTIVE = "Format Version"
@@ -154,12 +154,9 @@ def _numbers(lines: Sequence[str], first: int, source: str) -> Array:
         if not any(cells):
             continue
         if found and len(cells) != len(found[0]):
-            what = f"line {number} has {len(cells)} cells, the first row {len(found[0])}"
-            raise RecordingError(what, source)
-        try:
-            found.append([float(cell) if cell.strip() else np.nan for cell in cells])
-        except ValueError:
-            raise RecordingError(f"line {number} has a cell that is no number", source) from None
+            what = f"it has {len(cells)} cells, the first row {len(found[0])}"
+            raise RecordingError(what, source, None, len(found) + 1, number)
+        found.append(cell_numbers(cells, source, len(found) + 1, number))
     return numbers_of(found, source)
 
 

@@ -272,15 +272,28 @@ def _cell_by_cell(
         if len(cells) != len(columns):
             what = f"it has {len(cells)} cells, but the header names {len(columns)} columns"
             raise RecordingError(what, source, None, k + 1, numbers[k])
-        cells = [cell.strip() for cell in cells]
-        for name, cell in zip(columns, cells, strict=True):
-            if cell and not _is_number(cell):
-                comma = "," in cell and _is_number(cell.replace(",", "."))
-                remedy = "; write decimals with a point" if comma else ""
-                what = f"{shortened(cell)!r} is not a number{remedy}"
-                raise RecordingError(what, source, name, k + 1, numbers[k])
-        found.append([float(cell) if cell else np.nan for cell in cells])
+        found.append(cell_numbers(cells, source, k + 1, numbers[k], columns))
     return np.array(found)
+
+
+def cell_numbers(
+    cells: Sequence[str], source: str, row: int, line: int, columns: Sequence[str] = ()
+) -> list[float]:
+    """Return the numbers of a row's cells, NaN where one is empty.
+
+    Raises
+    ------
+    RecordingError
+        A cell that is not a number.
+    """
+    cells = [cell.strip() for cell in cells]
+    for k, cell in enumerate(cells):
+        if cell and not _is_number(cell):
+            comma = "," in cell and _is_number(cell.replace(",", "."))
+            remedy = "; write decimals with a point" if comma else ""
+            what = f"{shortened(cell)!r} is not a number{remedy}"
+            raise RecordingError(what, source, columns[k] if columns else None, row, line)
+    return [float(cell) if cell else np.nan for cell in cells]
 
 
 # ---------------------------------------------------------------------- NPZ

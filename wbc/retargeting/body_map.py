@@ -45,6 +45,12 @@ class RobotArm:
     forearm_axis: Array
     length: float
 
+    @property
+    def segments(self) -> tuple[tuple[str, str, Array], ...]:
+        """Name, frame and axis of upper arm and forearm."""
+        upper_arm = "upper arm", self.upper_arm, self.upper_axis
+        return upper_arm, ("forearm", self.forearm, self.forearm_axis)
+
 
 @dataclass(frozen=True, eq=False)
 class BodyMap:

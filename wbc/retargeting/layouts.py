@@ -15,7 +15,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,6 @@ from wbc.rotations import quaternion_from, same_sign
 from wbc.validate import Array
 
 ENDINGS = {"wbc": ".npz", "tracking": ".npz", "unitree": ".csv"}
-LAYOUTS = tuple(ENDINGS)
 
 
 def check_layout(path: str | Path, layout: str) -> None:
@@ -43,7 +41,7 @@ def check_layout(path: str | Path, layout: str) -> None:
         Another extension.
     """
     if layout not in ENDINGS:
-        raise UnknownNameError("layout of a motion", layout, LAYOUTS)
+        raise UnknownNameError("layout of a motion", layout, ENDINGS)
     if Path(path).suffix.lower() != ENDINGS[layout]:
         raise InvalidInputError(f"{path}: the layout {layout!r} is written as {ENDINGS[layout]}")
 
@@ -51,11 +49,7 @@ def check_layout(path: str | Path, layout: str) -> None:
 def save(motion: Any, path: str | Path, layout: str) -> None:
     """Write a :class:`wbc.Retargeted`; for errors see :meth:`wbc.Retargeted.save`."""
     check_layout(path, layout)
-    writers: dict[str, Callable[[Any, str | Path], None]] = {
-        "wbc": _save_own,
-        "tracking": _save_tracking,
-        "unitree": _save_unitree,
-    }
+    writers = {"wbc": _save_own, "tracking": _save_tracking, "unitree": _save_unitree}
     writers[layout](motion, path)
 
 

@@ -84,9 +84,9 @@ def standing_body(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
     for frame, R in body.upright.items():
         tasks.append(OrientationTask(robot, frame, R, name=frame, gain=0.2))
     for side, arm in body.arms.items():
-        for frame, axis in ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis)):
-            name = f"{side} {frame}"
-            tasks.append(AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, gain=0.2))
+        for name, frame, axis in arm.segments:
+            task = AxisTask(robot, frame, (0, 0, -1), axis=axis, name=f"{side} {name}", gain=0.2)
+            tasks.append(task)
     contacts, limits = support(start, "double"), Limits(robot, velocity=None)
     controller = KinematicController(
         robot, tasks, contacts=contacts, limits=limits, dt=DT, damping=1e-4

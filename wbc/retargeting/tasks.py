@@ -99,11 +99,16 @@ class FrameTasks:
         }
         self.arms = {
             side: tuple(
-                AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, weight=w.arms, gain=1.0)
-                for frame, axis, name in (
-                    (arm.upper_arm, arm.upper_axis, f"{side} upper arm"),
-                    (arm.forearm, arm.forearm_axis, f"{side} forearm"),
+                AxisTask(
+                    robot,
+                    frame,
+                    (0, 0, -1),
+                    axis=axis,
+                    name=f"{side} {name}",
+                    weight=w.arms,
+                    gain=1.0,
                 )
+                for name, frame, axis in arm.segments
             )
             for side, arm in body.arms.items()
         }

@@ -39,12 +39,7 @@ def tracking_errors(
     parts = {
         (side, name): (frame, axis, targets.arms[side][:, n])
         for side, arm in body.arms.items()
-        for n, (name, frame, axis) in enumerate(
-            (
-                ("upper arm", arm.upper_arm, arm.upper_axis),
-                ("forearm", arm.forearm, arm.forearm_axis),
-            )
-        )
+        for n, (name, frame, axis) in enumerate(arm.segments)
     }
     soles = {side: robot.feet[side].frame for side in SIDES}
     frames = [*targets.rotation, *(frame for frame, _, _ in parts.values()), *soles.values()]
