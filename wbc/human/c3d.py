@@ -119,12 +119,8 @@ def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int], tup
     for k, name in enumerate(names):
         if name not in other:
             first.setdefault(name, k)
-    repeated = [name for name in first if names.count(name) > 1]
-    notes = (
-        (f"several points are called {listed(repeated, 8)}: the first is taken",)
-        if repeated
-        else ()
-    )
+    repeated = listed([name for name in first if names.count(name) > 1], 8)
+    notes = (f"several points are called {repeated}: the first is taken",) if repeated else ()
     return tuple(first), list(first.values()), notes
 
 
@@ -278,11 +274,6 @@ def _of_corners(values: Array, a: float, b: float) -> tuple[Array, Array]:
     """Return force and moment (k, 3) of eight sensors: x12 x34 y14 y23 z1 z2 z3 z4."""
     x12, x34, y14, y23, z1, z2, z3, z4 = values.T
     force = np.column_stack((x12 + x34, y14 + y23, z1 + z2 + z3 + z4))
-    moment = np.column_stack(
-        (
-            b * (z1 + z2 - z3 - z4),
-            a * (-z1 + z2 + z3 - z4),
-            b * (-x12 + x34) + a * (y14 - y23),
-        )
-    )
-    return force, moment
+    about_x, about_y = b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4)
+    about_z = b * (-x12 + x34) + a * (y14 - y23)
+    return force, np.column_stack((about_x, about_y, about_z))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,21 +156,19 @@ def _refit_from_best(
 
 def _estimate_stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
     """Estimate the stature [m] by distances between markers near joints; 1.7 without any."""
-    where = {one.name: k for k, one in enumerate(landmarks)}
+    at = {one.name: observed[:, k] for k, one in enumerate(landmarks)}
     found = list[float]()
-    for (a, b), part in _LENGTHS.items():
-        for side in ("left", "right"):
-            ends = []
-            for joint in (a, b):
-                kinds = ("centre", "lateral", "medial", "radial", "ulnar")
-                names = [f"{side}_{joint}_{kind}" for kind in kinds] + [f"{side}_{joint}"]
-                names += [f"{side}_acromion"] if joint == "shoulder" else []
-                ends.append(next((n for n in names if n in where), None))
-            if None not in ends:
-                one, other = (observed[:, where[str(end)]] for end in ends)
-                length = np.linalg.norm(one - other, axis=1)
-                if np.isfinite(length).any():
-                    found.append(float(np.nanmedian(length)) / part)
+    for (joints, part), side in product(_LENGTHS.items(), ("left", "right")):
+        ends = list[Array]()
+        for joint in joints:
+            kinds = ("centre", "lateral", "medial", "radial", "ulnar")
+            names = [f"{side}_{joint}_{kind}" for kind in kinds] + [f"{side}_{joint}"]
+            names += [f"{side}_acromion"] if joint == "shoulder" else []
+            ends += [at[name] for name in names if name in at][:1]
+        if len(ends) == len(joints):
+            length = np.linalg.norm(ends[0] - ends[1], axis=1)
+            if np.isfinite(length).any():
+                found.append(float(np.nanmedian(length)) / part)
     if not found:
         return 1.7
     stature, (least, most) = float(np.median(found)), STATURES
@@ -208,22 +207,19 @@ def _pelvis_size(
     observed: Array, landmarks: tuple[Landmark, ...]
 ) -> tuple[float | None, float | None]:
     """Return width (between ASIS) and depth (to PSIS or sacrum) of the pelvis [m] or None."""
-    where = {one.name: k for k, one in enumerate(landmarks)}
+    at = {one.name: observed[:, k] for k, one in enumerate(landmarks)}
 
     def median(a: Array, b: Array) -> float | None:
         length = np.linalg.norm(a - b, axis=1)
         return float(np.nanmedian(length)) if np.isfinite(length).any() else None
 
-    if not {"left_asis", "right_asis"} <= where.keys():
+    if not {"left_asis", "right_asis"} <= at.keys():
         return None, None
-    left, right = observed[:, where["left_asis"]], observed[:, where["right_asis"]]
-    width, depth = median(left, right), None
-    if {"left_psis", "right_psis"} <= where.keys():
-        behind = 0.5 * (observed[:, where["left_psis"]] + observed[:, where["right_psis"]])
-        depth = median(0.5 * (left + right), behind)
-    elif "sacrum" in where:
-        depth = median(0.5 * (left + right), observed[:, where["sacrum"]])
-    return width, depth
+    left, right, behind = at["left_asis"], at["right_asis"], at.get("sacrum")
+    if {"left_psis", "right_psis"} <= at.keys():
+        behind = 0.5 * (at["left_psis"] + at["right_psis"])
+    depth = None if behind is None else median(0.5 * (left + right), behind)
+    return median(left, right), depth
 
 
 def _bundle_adjustment(

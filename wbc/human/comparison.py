@@ -175,8 +175,7 @@ def _measured(
     overhanging = _over_the_edge(plates, sole_corners(series.robot, placed)[..., :2])
     on, carried = np.zeros((2, *down.shape), dtype=bool)
     force, moment = np.zeros((2, len(time), 3))
-    inside = np.ones(len(time), dtype=bool)
-    stray = np.zeros(len(time), dtype=bool)
+    inside, stray = np.ones(len(time), dtype=bool), np.zeros(len(time), dtype=bool)
     for plate in plates:
         f, m = _resampled(plate, time, series.cutoff)
         force, moment = force + f, moment + m
@@ -223,14 +222,12 @@ def _resampled(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Ar
 
 
 def _within_bands(series: RmpSeries, frames: Bools, force: Array, cop: Array) -> dict[str, float]:
-    if series.uncertainty is None:
+    noise = series.uncertainty
+    if noise is None:
         return {}
-    bands = {"force": series.uncertainty.momentum_rate, "cop": series.uncertainty.cop}
-    errors = {"force": force, "cop": cop}
+    parts = ("force", "xyz", force, noise.momentum_rate), ("cop", "xy", cop, noise.cop)
     return {
-        f"{name} {axis}": float(
-            (np.abs(errors[name][:, k]) <= BAND * bands[name][frames, k]).mean()
-        )
-        for name, axes in (("force", "xyz"), ("cop", "xy"))
+        f"{name} {axis}": float((np.abs(error[:, k]) <= BAND * deviation[frames, k]).mean())
+        for name, axes, error, deviation in parts
         for k, axis in enumerate(axes)
     }

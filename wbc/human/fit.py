@@ -18,7 +18,6 @@ from wbc.human.kinematics import (
     HINGE_SEGMENTS,
     Poses,
     SegmentFrames,
-    concatenate_poses,
     forward_kinematics,
     point_jacobian,
     rotations,
@@ -106,19 +105,17 @@ def fit_poses(
     observed:
         Marker positions in world axes, z up; NaN where one is not seen.
     """
-    parts, costs = list[Poses](), list[Array]()
+    poses, cost = start.copy(), np.empty(len(start))
     for first in range(0, len(start), FRAMES_PER_BATCH):
         frames = slice(first, first + FRAMES_PER_BATCH)
-        found, cost = _fit(start[frames], observed[frames], markers, dimensions, iterations)
-        parts.append(found)
-        costs.append(cost)
-    return concatenate_poses(parts), np.concatenate(costs)
+        cost[frames] = _fit(poses[frames], observed[frames], markers, dimensions, iterations)
+    return poses, cost
 
 
 def _fit(
     poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, iterations: int
-) -> tuple[Poses, Array]:
-    poses = poses.copy()
+) -> Array:
+    """Fit the postures in place; return their costs (n,)."""
     cost = _cost(poses, observed, markers, dimensions)
     damping = np.full(len(poses), INITIAL_DAMPING)
     active: NDArray[np.intp] = np.arange(len(poses))
@@ -142,7 +139,7 @@ def _fit(
         damping[rejected] *= 10.0
         stuck = rejected[damping[rejected] > MAX_DAMPING]
         active = np.setdiff1d(active, np.concatenate((done, stuck)))
-    return poses, cost
+    return cost
 
 
 def escape_local_minima(

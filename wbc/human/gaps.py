@@ -89,8 +89,7 @@ def interpolate_gaps(
             if first == 0 or end == len(time) or time[end] - time[first - 1] > longest:
                 continue
             positions[first:end, k] = curve(time[first:end])
-            span = float(time[first - 1]), float(time[end])
-            found.append(Dropout(MISSING, *span, (label,), True))
+            found.append(_repaired(MISSING, time[first - 1], time[end], label))
     return positions, found
 
 
@@ -111,8 +110,8 @@ def fill_gaps_by_fit(
         bridge = np.column_stack([np.interp(time, time[seen], part) for part in residual.T])
         observed[~seen, k] = (fitted[:, k] + bridge)[~seen]
         for first, end in runs(~seen):
-            span = float(time[max(first - 1, 0)]), float(time[min(end, len(time) - 1)])
-            found.append(Dropout(MISSING, *span, (label,), True))
+            before, after = time[max(first - 1, 0)], time[min(end, len(time) - 1)]
+            found.append(_repaired(MISSING, before, after, label))
     return observed, found
 
 
@@ -138,13 +137,12 @@ def swap_back(
                 positions[frame:, [a, b]] = positions[frame:, [b, a]]
                 own[[a, b]] = crossed
                 if (a, b) in since:
-                    span = float(time[since.pop((a, b))]), float(time[frame])
-                    found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
+                    begin = time[since.pop((a, b))]
+                    found.append(_repaired(SWAPPED, begin, time[frame], labels[a], labels[b]))
                 else:
                     since[(a, b)] = frame
     for (a, b), frame in since.items():
-        span = float(time[frame]), float(time[-1])
-        found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
+        found.append(_repaired(SWAPPED, time[frame], time[-1], labels[a], labels[b]))
     return positions, found
 
 
@@ -164,6 +162,9 @@ def remove_ghosts(
     observed[ghosts] = np.nan
     for k, label in enumerate(labels):
         for first, end in runs(ghosts[:, k]):
-            span = float(time[first]), float(time[end - 1])
-            found.append(Dropout(GHOST, *span, (label,), True))
+            found.append(_repaired(GHOST, time[first], time[end - 1], label))
     return observed, found
+
+
+def _repaired(kind: str, start: float, end: float, *labels: str) -> Dropout:
+    return Dropout(kind, float(start), float(end), labels, True)

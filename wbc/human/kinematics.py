@@ -35,31 +35,21 @@ class Poses:
         return len(self.position)
 
     def __getitem__(self, frames: slice | NDArray[np.intp]) -> Poses:
-        return Poses(self.position[frames], self.rotation[frames], self.angles[frames])
+        return Poses(*(one[frames] for one in vars(self).values()))
 
     def copy(self) -> Poses:
         """Return a writable copy."""
-        return Poses(self.position.copy(), self.rotation.copy(), self.angles.copy())
+        return Poses(*(one.copy() for one in vars(self).values()))
 
     def put(self, frames: int | NDArray[np.intp], other: Poses, rows: Any) -> None:
         """Set some frames to rows of others."""
-        self.position[frames] = other.position[rows]
-        self.rotation[frames] = other.rotation[rows]
-        self.angles[frames] = other.angles[rows]
+        for name, one in vars(self).items():
+            one[frames] = getattr(other, name)[rows]
 
     def step(self, step: Array) -> Poses:
         """Return the postures after steps (n, 40): of the pelvis in world axes, then of hinges."""
         R = rotations(step[:, 3:6]) @ self.rotation
         return Poses(self.position + step[:, :3], R, self.angles + step[:, 6:])
-
-
-def concatenate_poses(parts: list[Poses]) -> Poses:
-    """Return the frames of several postures, one after the other."""
-    return Poses(
-        np.concatenate([part.position for part in parts]),
-        np.concatenate([part.rotation for part in parts]),
-        np.concatenate([part.angles for part in parts]),
-    )
 
 
 @dataclass(frozen=True, eq=False)

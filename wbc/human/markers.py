@@ -13,13 +13,13 @@ from wbc.kinds import one_of
 from wbc.motion.recording import MIN_ROWS
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
-UPS = ("y", "z", "x")
 # Rotations that bring the vertical axis of a file to z, by its name.
 _TO_Z = {
     "z": np.eye(3),
     "y": np.array(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))),
     "x": np.array(((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))),
 }
+UPS = tuple(_TO_Z)
 MAX_DISTANCE = 1e3  # m from the origin: beyond, it is another unit
 # Readings of an unloaded plate: at most this [N] or this part of its largest vertical force, within
 # a part of that of their median, for at least a time [s].
