@@ -57,9 +57,31 @@ def write_c3d(path: Path, seconds: float = 0.2) -> np.ndarray:
     return np.hstack((plate.force, plate.moment))
 
 
-def test_c3d_with_a_plate_is_read(tmp_path: Path) -> None:
+March = tuple[Path, np.ndarray]  # a file, and the true force and moment
+
+
+@pytest.fixture
+def march(tmp_path: Path) -> March:
     path = tmp_path / "march.c3d"
-    truth = write_c3d(path)
+    return path, write_c3d(path)
+
+
+def _with(
+    path: Path, group: str, *, points: float = 1.0, moments: float = 1.0, **values: object
+) -> None:
+    """Write a C3D file again with other parameters, and its data times these factors."""
+    import ezc3d
+
+    file = ezc3d.c3d(str(path))
+    for name, value in values.items():
+        file.add_parameter(group, name, value)
+    file["data"]["points"][:3] *= points
+    file["data"]["analogs"][:, 3:] *= moments
+    file.write(str(path))
+
+
+def test_c3d_with_a_plate_is_read(march: March) -> None:
+    path, truth = march
     found = read_markers(path)
     recording, _ = recorded(BODY, seconds=0.2)
     assert found.labels == tuple(LABELS) and found.rate == pytest.approx(100.0)
@@ -73,35 +95,23 @@ def test_c3d_with_a_plate_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
-def test_c3d_with_truncated_unit_word_is_read_in_metres(tmp_path: Path) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    path = tmp_path / "march.c3d"
-    write_c3d(path)
-    before, file = read_markers(path), ezc3d.c3d(str(path))
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mete"]
-    file["data"]["points"][:3] *= 1e-3
-    file.write(str(path))
+def test_c3d_with_truncated_unit_word_is_read_in_metres(march: March) -> None:
+    path, _ = march
+    before = read_markers(path)
+    _with(path, "POINT", UNITS=["mete"], points=1e-3)
     np.testing.assert_allclose(read_markers(path).positions, before.positions, atol=1e-6)
 
 
 @pytest.mark.parametrize("word", ["N-M", "N.m", "Nm", "N*m"])
-def test_c3d_with_any_spelling_of_newton_metres_is_read(tmp_path: Path, word: str) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    path = tmp_path / "march.c3d"
-    truth = write_c3d(path)
-    file = ezc3d.c3d(str(path))
-    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["N"] * 3 + [word] * 3
-    file["data"]["analogs"][:, 3:] *= 1e-3
-    file.write(str(path))
+def test_c3d_with_any_spelling_of_newton_metres_is_read(march: March, word: str) -> None:
+    path, truth = march
+    _with(path, "ANALOG", UNITS=["N"] * 3 + [word] * 3, moments=1e-3)
     plate = read_markers(path).upright("z").plates[0]
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
-def test_c3d_with_impossible_data_start_is_read_by_its_header(
-    tmp_path: Path,
-) -> None:
-    path = tmp_path / "march.c3d"
-    write_c3d(path)
+def test_c3d_with_impossible_data_start_is_read_by_its_header(march: March) -> None:
+    path, _ = march
     before, data = read_markers(path), bytearray(path.read_bytes())
     at = data.index(b"DATA_START") + 10 + 2 + 2  # type, number of dimensions
     data[at : at + 2] = struct.pack("<h", 1)
@@ -109,18 +119,69 @@ def test_c3d_with_impossible_data_start_is_read_by_its_header(
     np.testing.assert_array_equal(read_markers(path).positions, before.positions)
 
 
-def test_c3d_with_repeated_point_names_takes_the_first_with_a_note(tmp_path: Path) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    path = tmp_path / "march.c3d"
-    write_c3d(path)
-    before, file = read_markers(path), ezc3d.c3d(str(path))
+def test_c3d_with_repeated_point_names_takes_the_first_with_a_note(march: March) -> None:
+    path, _ = march
+    before = read_markers(path)
     labels = ["LTOE" if name == "RTOE" else name for name in LABELS]
-    file["parameters"]["POINT"]["LABELS"]["value"] = labels
-    file.write(str(path))
+    _with(path, "POINT", LABELS=labels)
     found = read_markers(path)
     assert "several points are called LTOE: the first is taken" in found.notes
     expected = before.positions[:, labels.index("LTOE")]
     np.testing.assert_array_equal(found.positions[:, found.labels.index("LTOE")], expected)
+
+
+def test_c3d_with_column_of_field_numbers_is_read(march: March) -> None:
+    path, _ = march
+    first, last = (np.array(((value,), (0.0,))) for value in (1.0, 20.0))
+    _with(path, "TRIAL", ACTUAL_START_FIELD=first, ACTUAL_END_FIELD=last)
+    assert len(read_markers(path).time) == 20
+
+
+def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(march: March) -> None:
+    path, truth = march
+    _with(path, "FORCE_PLATFORM", TYPE=[4.0], CAL_MATRIX=np.diag((2.0,) * 6)[:, :, None])
+    plate = read_markers(path).upright("z").plates[0]
+    np.testing.assert_allclose(plate.force, 2.0 * truth[:, :3], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "plates", "words"),
+    [
+        ({"TYPE": [4.0]}, 0, "of type 4 without a calibration matrix"),
+        ({"CHANNEL": np.arange(4.0, 10.0)[:, None]}, 0, "not among the 6 recorded"),
+        ({"CORNERS": [1.0]}, 0, "corners, origin or channels are missing"),
+        (
+            {"ORIGIN": np.array(((9000.0,), (0.0,), (-40.0,)))},
+            1,
+            "force plate 1 has its sensors 9000 of",
+        ),
+    ],
+)
+def test_c3d_with_a_doubtful_plate_keeps_its_markers_with_a_note(
+    march: March, values: dict[str, object], plates: int, words: str
+) -> None:
+    path, _ = march
+    _with(path, "FORCE_PLATFORM", **values)
+    found = read_markers(path)
+    assert len(found.labels) == len(LABELS) and len(found.plates) == plates
+    assert any(words in note for note in found.notes), found.notes
+
+
+def test_c3d_with_impossible_header_is_refused(march: March) -> None:
+    path, _ = march
+    data = path.read_bytes()
+    # Not so many analog samples of each channel are in a frame.
+    for changed, words in (
+        (data[:18] + struct.pack("<h", 513) + data[20:], "6 analog values .* no 513 per channel"),
+        (data[:-600], "is it cut off"),
+    ):
+        path.write_bytes(changed)
+        with pytest.raises(RecordingError, match=words):
+            read_markers(path)
+    path.write_bytes(data)
+    _with(path, "POINT", UNITS=["furlong"])
+    with pytest.raises(RecordingError, match="POINT:UNITS: expected mm"):
+        read_markers(path)
 
 
 def test_plate_with_long_drift_and_a_short_step_pushes_up() -> None:
@@ -147,16 +208,6 @@ def test_tared_plate_reads_zero_unloaded() -> None:
     for some in (time > 0.0, time > 0.05):
         stands = ForcePlate("plate", time, force + off + 300.0 * some[:, None], moment)
         assert stands.tared() == (stands, 0.0)
-
-
-def test_c3d_with_column_of_field_numbers_is_read(tmp_path: Path) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    write_c3d(tmp_path / "march.c3d")
-    file = ezc3d.c3d(str(tmp_path / "march.c3d"))
-    for name, value in (("ACTUAL_START_FIELD", 1.0), ("ACTUAL_END_FIELD", 20.0)):
-        file.add_parameter("TRIAL", name, np.array(((value,), (0.0,))))
-    file.write(str(tmp_path / "column.c3d"))
-    assert len(read_markers(tmp_path / "column.c3d").time) == 20
 
 
 def test_mips_parameters_with_an_intel_offset_are_all_read() -> None:
@@ -459,9 +510,20 @@ def test_rigid_bodies_of_a_csv_are_read(tmp_path: Path, motive: bool) -> None:
     path.write_text("\n".join(lines))
     row = 9 - (7 if motive else 1)
     assert np.isnan(read_markers(path).positions[row, 2:]).all()
-    path.write_text(text.replace("Quaternion", "XYZ") if motive else text.replace("_qw", "_q"))
-    with pytest.raises(RecordingError, match="export quaternions" if motive else "names no rigid"):
-        read_markers(path)
+    for old, new, words in (
+        (
+            *[
+                ("Quaternion", "XYZ", "export quaternions"),
+                ("Millim", "Furl", "lengths in 'Furleters'"),
+            ],
+            (",Name,", ",Nmae,", "no rows Name and Frame"),
+        )
+        if motive
+        else [("_qw", "_q", "names no rigid")]
+    ):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(RecordingError, match=words):
+            read_markers(path)
     path.write_text("time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw\n0,0,0,0,0,0,0,1\n")
     assert not is_human_recording(path)  # a robot's
 
@@ -579,38 +641,6 @@ def test_bvh_mistakes_are_refused(tmp_path: Path, change, words: str) -> None:  
         read_markers(path, unit="furlong")
 
 
-def _with(path: Path, group: str, **values: object) -> None:
-    """Write a C3D file again with other parameters."""
-    import ezc3d
-
-    file = ezc3d.c3d(str(path))
-    for name, value in values.items():
-        file.add_parameter(group, name, value)
-    file.write(str(path))
-
-
-def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(tmp_path: Path) -> None:
-    path = tmp_path / "march.c3d"
-    truth = write_c3d(path)
-    _with(path, "FORCE_PLATFORM", TYPE=[4.0], CAL_MATRIX=np.diag((2.0,) * 6)[:, :, None])
-    plate = read_markers(path).upright("z").plates[0]
-    np.testing.assert_allclose(plate.force, 2.0 * truth[:, :3], atol=2e-3)
-
-
-def test_c3d_with_unreadable_plate_keeps_its_markers_with_a_note(tmp_path: Path) -> None:
-    path = tmp_path / "march.c3d"
-    for values, words in (
-        ({"TYPE": [4.0]}, "of type 4 without a calibration matrix"),
-        ({"CHANNEL": np.arange(4.0, 10.0)[:, None]}, "not among the 6 recorded"),
-        ({"CORNERS": [1.0]}, "corners, origin or channels are missing"),
-    ):
-        write_c3d(path)
-        _with(path, "FORCE_PLATFORM", **values)
-        found = read_markers(path)
-        assert len(found.labels) == len(LABELS) and not found.plates
-        assert any(words in note for note in found.notes), found.notes
-
-
 @pytest.mark.parametrize(
     ("kind", "origin", "taken", "words"),
     [
@@ -638,48 +668,6 @@ def test_sensors_outside_a_plate_are_noted(
     assert all(re.search(str(words), note) for note in notes)
 
 
-def test_c3d_with_sensors_outside_its_plate_is_noted(tmp_path: Path) -> None:
-    write_c3d(tmp_path / "march.c3d")
-    _with(
-        tmp_path / "march.c3d",
-        "FORCE_PLATFORM",
-        ORIGIN=np.array(((9000.0,), (0.0,), (-40.0,))),
-    )
-    notes = read_markers(tmp_path / "march.c3d").notes
-    assert any("force plate 1 has its sensors 9000 of" in note for note in notes)
-
-
-def test_c3d_with_impossible_header_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "march.c3d"
-    write_c3d(path)
-    _with(path, "POINT", UNITS=["furlong"])
-    with pytest.raises(RecordingError, match="POINT:UNITS: expected mm"):
-        read_markers(path)
-    write_c3d(path)
-    data = bytearray(path.read_bytes())
-    data[18:20] = struct.pack("<h", 513)  # analog samples of each channel in a frame
-    path.write_bytes(data)
-    with pytest.raises(RecordingError, match="6 analog values in a frame are no 513 per channel"):
-        read_markers(path)
-    write_c3d(path)
-    path.write_bytes(path.read_bytes()[:-600])
-    with pytest.raises(RecordingError, match="is it cut off"):
-        read_markers(path)
-
-
-def test_motive_table_without_poses_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "bodies.csv"
-    write_bodies(path, motive=True)
-    text = path.read_text()
-    for changed, words in (
-        (text.replace("Millimeters", "Furlongs"), "lengths in 'Furlongs'"),
-        (text.replace(",Name,", ",Nmae,"), "no rows Name and Frame"),
-    ):
-        path.write_text(changed)
-        with pytest.raises(RecordingError, match=words):
-            read_markers(path)
-
-
 def test_floats_of_a_vax_are_read() -> None:
     """As an F_floating is laid out: 1.0 is 0x4080 in the first half, -0.15625 is 0xbf20."""
     from wbc.human.c3d_parameters import DEC, floats
@@ -704,17 +692,14 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
     for parts, words in (
         ({"root_orient": poses[:5, :3], "pose_body": poses[:, 3:]}, "differ in length"),
         ({"poses": poses[:, :60]}, r"poses have shape \(9, 60\)"),
+        *(
+            ({"poses": np.ones((9, 24, *shape))}, "not matrices or quat")
+            for shape in ((3, 3), (4,))
+        ),
     ):
         np.savez(tmp_path / "wrong.npz", **parts, **rest)
         with pytest.raises(RecordingError, match=words):
             read_markers(tmp_path / "wrong.npz")
-
-
-@pytest.mark.parametrize("shape", [(9, 24, 3, 3), (9, 24, 4), (9, 24, 6)])
-def test_smpl_poses_other_than_rotation_vectors_are_refused(tmp_path: Path, shape: tuple) -> None:  # type: ignore[type-arg]
-    np.savez(tmp_path / "a.npz", poses=np.ones(shape), trans=np.zeros((9, 3)), fps=60)
-    with pytest.raises(RecordingError, match="not matrices or quaternions"):
-        read_markers(tmp_path / "a.npz")
 
 
 def test_recordings_from_wrong_arrays_are_refused() -> None:
