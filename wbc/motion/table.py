@@ -196,18 +196,15 @@ def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
     header, named = _header(source, numbered)
     delimiter = _delimiter(header)
     columns = _names(source, header, delimiter, usual)
-    numbered = numbered if columns is usual else named
-    numbers, rows = tuple(k for k, _ in numbered), [line for _, line in numbered]
-    if not rows:
-        raise RecordingError("it holds no rows of numbers", source)
-    try:
-        values: Array = np.loadtxt(rows, delimiter=delimiter, comments=None, ndmin=2)
-        plain = values.shape[1] == len(columns)
-    except ValueError:
-        plain = False
-    if not plain:  # empty cells, which mean NaN, or a mistake
-        values = _cell_by_cell(source, columns, rows, numbers, delimiter)
-    return MotionTable(source, columns, values, numbers)
+    found = list[list[float]]()
+    lines = numbered if columns is usual else named
+    for row, (number, line) in enumerate(lines, 1):
+        cells = _cells(source, line, delimiter, row, number)
+        if len(cells) != len(columns):
+            what = f"it has {len(cells)} cells, but the header names {len(columns)} columns"
+            raise RecordingError(what, source, None, row, number)
+        found.append(cell_numbers(cells, source, row, number, columns))
+    return MotionTable(source, columns, np.array(found), tuple(number for number, _ in lines))
 
 
 def _header(source: str, numbered: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
@@ -259,23 +256,6 @@ def _is_number(text: str) -> bool:
     return "_" not in text  # which Python allows between digits
 
 
-def _cell_by_cell(
-    source: str,
-    columns: tuple[str, ...],
-    rows: Sequence[str],
-    numbers: Sequence[int],
-    delimiter: str,
-) -> Array:
-    found = list[list[float]]()
-    for k, row in enumerate(rows):
-        cells = _cells(source, row, delimiter, k + 1, numbers[k])
-        if len(cells) != len(columns):
-            what = f"it has {len(cells)} cells, but the header names {len(columns)} columns"
-            raise RecordingError(what, source, None, k + 1, numbers[k])
-        found.append(cell_numbers(cells, source, k + 1, numbers[k], columns))
-    return np.array(found)
-
-
 def cell_numbers(
     cells: Sequence[str], source: str, row: int, line: int, columns: Sequence[str] = ()
 ) -> list[float]:
@@ -286,14 +266,17 @@ def cell_numbers(
     RecordingError
         A cell that is not a number.
     """
-    cells = [cell.strip() for cell in cells]
-    for k, cell in enumerate(cells):
-        if cell and not _is_number(cell):
-            comma = "," in cell and _is_number(cell.replace(",", "."))
-            remedy = "; write decimals with a point" if comma else ""
-            what = f"{shortened(cell)!r} is not a number{remedy}"
-            raise RecordingError(what, source, columns[k] if columns else None, row, line)
-    return [float(cell) if cell else np.nan for cell in cells]
+    try:
+        if "_" not in "".join(cells):  # which Python allows between digits
+            return [float(cell) if cell.strip() else np.nan for cell in cells]
+    except ValueError:
+        pass
+    wrong = next(k for k, cell in enumerate(cells) if cell.strip() and not _is_number(cell))
+    cell = cells[wrong].strip()
+    comma = "," in cell and _is_number(cell.replace(",", "."))
+    remedy = "; write decimals with a point" if comma else ""
+    what = f"{shortened(cell)!r} is not a number{remedy}"
+    raise RecordingError(what, source, columns[wrong] if columns else None, row, line)
 
 
 # ---------------------------------------------------------------------- NPZ
