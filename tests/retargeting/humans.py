@@ -10,6 +10,10 @@ from wbc.human import HumanBody, HumanMotion, MarkerRecording, human_robot
 from wbc.human.fit import MarkerSet
 from wbc.human.residual_noise import ResidualNoise
 from wbc.minimum_jerk import minimum_jerk
+from wbc.retargeting import Retargeted, RetargetWeights
+from wbc.retargeting.robot_setup import robot_setup
+from wbc.retargeting.tasks import FrameTasks
+from wbc.retargeting.trajectory_problem import TrajectoryProblem
 from wbc.validate import Array
 
 RATE = 50.0
@@ -98,3 +102,11 @@ def stepping(seconds: float = 3.0) -> HumanMotion:
     feet["left"][:, 2] = 0.08 * 64.0 * (u * (1.0 - u)) ** 3
     over = minimum_jerk(np.clip(t / 1.0, 0.0, 1.0)) - minimum_jerk(np.clip((t - 1.9) / 1.0, 0, 1))
     return moving(seconds, -0.085 * over, 0.0 * t, feet, 0.0 * t)
+
+
+def trajectory_problem(motion: Retargeted, collision: bool = True) -> TrajectoryProblem:
+    """Return the least squares of a retargeted motion."""
+    setup = robot_setup(motion.robot, None, 0.01 if collision else None)
+    weights = RetargetWeights()
+    tasks = FrameTasks(motion.robot, setup.body, motion.targets, weights, setup.legs)
+    return TrajectoryProblem(tasks, setup.collision)

@@ -8,28 +8,13 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from tests.retargeting.humans import stepping
-from wbc.retargeting import RetargetWeights
+from tests.retargeting.humans import trajectory_problem
 from wbc.retargeting.constraint_projection import project_onto_constraints, update_footprints
 from wbc.retargeting.pipeline import evaluate
 from wbc.retargeting.robot_setup import robot_setup
-from wbc.retargeting.tasks import FrameTasks
-from wbc.retargeting.trajectory_problem import TrajectoryProblem
 from wbc.robot import Robot
 from wbc.robot.collision.bodies import named_shapes
 from wbc.validate import Array
-
-
-@pytest.fixture(scope="module")
-def step() -> wbc.Retargeted:
-    return wbc.retarget(stepping(), Robot.load("hoap2_like"))
-
-
-def trajectory_problem(motion: wbc.Retargeted) -> TrajectoryProblem:
-    setup = robot_setup(motion.robot, None, 0.01)
-    weights = RetargetWeights()
-    tasks = FrameTasks(motion.robot, setup.body, motion.targets, weights, setup.legs)
-    return TrajectoryProblem(tasks, setup.collision)
 
 
 def disturbed(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int) -> Array:

@@ -4,25 +4,19 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.retargeting.humans import stepping
-from wbc.retargeting import RetargetWeights
+from tests.retargeting.humans import trajectory_problem
 from wbc.retargeting.normal_equations import NormalEquations
-from wbc.retargeting.robot_setup import robot_setup
-from wbc.retargeting.tasks import FrameTasks
-from wbc.retargeting.trajectory_problem import TrajectoryProblem
-from wbc.robot import Robot
 from wbc.validate import Array
 
 
-def test_momentum_gradient_is_that_of_its_squares(rng: np.random.Generator) -> None:
+def test_momentum_gradient_is_that_of_its_squares(
+    step: wbc.Retargeted, rng: np.random.Generator
+) -> None:
     """By configurations and velocities of all frames, with a base that rotates at 1 rad/s.
 
     Central differences at 1e-6; of a base's displacement terms of order (v dt)^2/12 are left out.
     """
-    step = wbc.retarget(stepping(), Robot.load("hoap2_like"))
-    setup = robot_setup(step.robot, None, 0.01)
-    tasks = FrameTasks(step.robot, setup.body, step.targets, RetargetWeights(), setup.legs)
-    problem = TrajectoryProblem(tasks, None)
+    problem = trajectory_problem(step, collision=False)
     turned = np.zeros((len(step.q), step.robot.nv))
     turned[:, 3:6] = np.sin(np.arange(len(step.q)) * step.targets.dt)[:, None]
     q = problem.apply_step(step.q, 0.3 * turned)

@@ -204,11 +204,8 @@ def check_finite(table: MotionTable, values: Array, columns: Sequence[int], fill
     wrong = np.isinf(used) if fill else ~np.isfinite(used)
     if wrong.any():
         row, k = (int(part) for part in np.argwhere(wrong)[0])
-        infinite = np.isinf(used[row, k])
-        remedy = (
-            "correct it" if infinite else "correct it, or have it interpolated (fill=True, --fill)"
-        )
-        what = f"{'infinite' if infinite else 'NaN or an empty cell'}; {remedy}"
+        missing = "NaN or an empty cell; correct it, or have it interpolated (fill=True, --fill)"
+        what = "infinite; correct it" if np.isinf(used[row, k]) else missing
         raise table.error(what, columns[k], row)
 
 

@@ -158,9 +158,11 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) ->
         place, heading = source.soles[side]
         level = place @ scaling.T + yaw_pitch_rotations(heading) @ arms[side]
         for first, end in runs(source.down[side]):
-            pose = _footprint_pose(level, heading, flat[side], first, end)
+            weight = flat[side][first:end]
+            x, y = np.average(level[first:end, :2], axis=0, weights=weight)
+            pose = np.array((x, y, np.average(heading[first:end], weights=weight)))
             prints.append(Footprint(side, first, end, pose))
-            flatter = flat[side][first:end] > 0.3 * flat[side][first:end].max()
+            flatter = weight > 0.3 * weight.max()
             sliding = np.linalg.norm(level[first:end, :2] - pose[:2], axis=1)[flatter].max()
             if sliding > NOTED_SLIDING * legs.length:
                 span = f"{first * dt:.2f} to {(end - 1) * dt:.2f} s of the human's time"
@@ -210,12 +212,6 @@ def _flatness(source: HumanFrames, side: str) -> Array:
     tilt = 1.0 - source.sole_rotation[side][:, 2, 2]
     speed = np.linalg.norm(np.gradient(source.soles[side][0], source.series.time, axis=0), axis=1)
     return np.exp(-tilt / 0.01 - (speed / 0.2) ** 2) + 1e-9
-
-
-def _footprint_pose(place: Array, heading: Array, weight: Array, first: int, end: int) -> Array:
-    span = slice(first, end)
-    x, y = np.average(place[span, :2], axis=0, weights=weight[span]).tolist()
-    return np.array((x, y, np.average(heading[span], weights=weight[span])))
 
 
 def _required_widening(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -> float:

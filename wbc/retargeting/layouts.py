@@ -24,6 +24,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.files import write_arrays, write_text
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.series import state_series
 from wbc.rotations import quaternion_from, same_sign
 from wbc.validate import Array
 
@@ -112,8 +113,7 @@ def _save_unitree(motion: Any, path: str | Path) -> None:
 
 def _angles(motion: Any) -> Array:
     """Return the joints' positions (n, nv - 6) [rad or m]."""
-    robot = motion.robot
-    return np.array([robot.limits.joint_positions(q) for q in motion.q])
+    return np.asarray(motion.robot.limits.joint_positions(motion.q))
 
 
 def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
@@ -132,16 +132,11 @@ def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Ar
         at = [f for f in own if f.placement.isIdentity(1e-9)] or own
         names.append(str(at[0].name) if at else str(model.names[joint]))
         frames.append(names[-1] if at else str(model.names[joint]))
-    count, many = len(q), len(frames)
-    place, velocity, omega = np.empty((3, count, many, 3))
-    quaternion = np.empty((count, many, 4))
-    for k in range(count):
-        snapshot = robot.snapshot(q[k])
-        for n, frame in enumerate(frames):
-            place[k, n], R = snapshot.placement(frame)
-            quaternion[k, n] = quaternion_from(R)
-            twist = snapshot.jacobian(frame) @ v[k]
-            velocity[k, n], omega[k, n] = twist[:3], twist[3:]
-    for n in range(many):
-        quaternion[:, n] = same_sign(quaternion[:, n])
-    return tuple(names), place, quaternion[..., [3, 0, 1, 2]], velocity, omega
+    states = state_series(robot, q, v, frames)
+    place = np.stack([states.position(frame) for frame in frames], axis=1)
+    quaternion = np.stack(
+        [same_sign(np.array([quaternion_from(R) for R in states.rotation(f)])) for f in frames],
+        axis=1,
+    )
+    twist = np.stack([(states.jacobian(f) @ v[..., None])[..., 0] for f in frames], axis=1)
+    return tuple(names), place, quaternion[..., [3, 0, 1, 2]], twist[..., :3], twist[..., 3:]

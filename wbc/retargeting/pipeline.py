@@ -172,11 +172,8 @@ def evaluate(
         acceleration=read_only(acceleration),
         whole=whole,
         targets=targets,
-        wrenches=ground.wrenches,
-        torque=ground.torque,
-        cop=ground.cop,
+        **vars(ground),
         reached=tracking_errors(robot, setup.body, targets, q, whole, setup.standing.com_height),
-        unbalanced=ground.unbalanced,
         broken=violations(setup, targets, q, v, acceleration),
         notes=notes,
     )

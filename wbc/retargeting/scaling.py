@@ -122,9 +122,7 @@ def motion_scale(
         Another word, or a factor that is not positive.
     """
     body = human.motion.robot
-    q = np.zeros(body.nq)
-    q[6] = 1.0
-    upright = body.snapshot(q)
+    upright = body.snapshot(body.postures["neutral"])
     sole = np.mean([upright.position(foot.frame)[2] for foot in body.feet.values()])
     length = (legs.length + standing.ankle_height) / float(upright.position("left_thigh")[2] - sole)
     if isinstance(duration, str):

@@ -79,19 +79,15 @@ def violations(
     """Return the constraint violations of a motion (n, nq), (n, nv) of all joints."""
     fingers, collision = setup.fingers, setup.collision
     robot, q = fingers.robot, q[:, fingers.q_kept]
-    v, acceleration = v[:, fingers.v_kept], acceleration[:, fingers.v_kept]
+    speeds, rates = (np.abs(one[:, fingers.v_kept][:, BASE_NV:]) for one in (v, acceleration))
     limits, time = robot.limits, targets.time
     parts = [
         ("sole slides", slides(robot, targets, q), [f"{side} foot" for side in SIDES]),
         ("joint limit passed", limits.past(limits.joint_positions(q)), robot.joint_names),
-        (
-            "speed above the limit",
-            np.abs(v[:, BASE_NV:]) / limits.velocity - 1.0,
-            robot.joint_names,
-        ),
+        ("speed above the limit", speeds / limits.velocity - 1.0, robot.joint_names),
         (
             "acceleration above the motor's",
-            np.abs(acceleration[:, BASE_NV:]) / max_accelerations(robot) - 1.0,
+            rates / max_accelerations(robot) - 1.0,
             robot.joint_names,
         ),
     ]
@@ -158,17 +154,13 @@ def principal_axis_errors(actual: Array, wanted: Array) -> Array:
     actual, wanted:
         Inertias (n, 3, 3).
     """
-    both = [track(one) for one in (actual, wanted)]
-    found = np.full((len(actual), 3), np.nan)
     parts = []
-    for one in both:
+    for one in map(track, (actual, wanted)):
         order = np.argsort(-one.second_moments.mean(axis=0))
         moments = one.second_moments[:, order]
         parts.append((one.axes[:, :, order], are_distinct(moments, MIN_GAP)))
     (A, a), (B, b) = parts
-    cosines = np.abs(np.einsum("nij,nij->nj", A, B))
-    found[a & b] = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))[a & b]
-    return found
+    return np.where(a & b, _degrees(np.abs(np.einsum("nij,nij->nj", A, B))), np.nan)
 
 
 def _degrees(cosine: Array) -> Array:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.robot import Robot
-from wbc.spatial import FROBENIUS_WEIGHTS, vech
+from wbc.robot.series import state_series
+from wbc.spatial import COLUMNS, FROBENIUS_WEIGHTS, ROWS
 from wbc.tracking.reference import PlanTarget
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
@@ -120,10 +121,9 @@ def evaluate_tracking(
     """
     time = truth["time"]
     wanted = reference.at(time)
-    snapshots = [robot.snapshot(q, v) for q, v in zip(truth["q"], truth["v"], strict=True)]
-    com = np.array([one.com for one in snapshots])
-    momentum = np.array([one.momentum[3:] for one in snapshots])
-    inertia = np.array([vech(one.inertia) for one in snapshots])
+    states = state_series(robot, truth["q"], truth["v"])
+    com, inertia = states.com, states.inertia[:, ROWS, COLUMNS]
+    momentum = states.part("momentum", 6)[:, 3:].copy()  # a view would keep all states
     during = (time >= reference.begins) & (time <= reference.ends + 1e-9)
     planned = reference.at(np.linspace(reference.begins, reference.ends, 1000))
     scale = np.sqrt(FROBENIUS_WEIGHTS)
@@ -137,19 +137,19 @@ def evaluate_tracking(
             _largest_change(scale * planned.inertia),
         ),
     }
-    joints: Deviation | None = None
-    posture: Array | None = getattr(wanted, "q", None)
-    if posture is not None:
+    if (posture := getattr(wanted, "q", None)) is not None:
         path, share = planned.q[:, 7:], 1.0 / np.sqrt(robot.nv - 6)  # type: ignore[attr-defined]
-        actual, target = truth["q"][during, 7:] * share, posture[during, 7:] * share
-        joints = Deviation.of(time[during], actual, target, _largest_change(share * path))
+        pairs["joints"] = (
+            truth["q"][:, 7:] * share,
+            posture[:, 7:] * share,
+            _largest_change(share * path),
+        )
     return PlanTracking(
         **{
             name: Deviation.of(time[during], actual[during], plan[during], peak)
             for name, (actual, plan, peak) in pairs.items()
         },
         followed=reference.followed,
-        joints=joints,
         unbalanced=getattr(reference, "unbalanced", ()),
         begins=reference.begins,
         ends=reference.ends,
