@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
@@ -46,24 +48,21 @@ def propagate_noise(
     margin:
         Of the CoP, by the series' feet.
     """
-    count = len(series)
-    widths = {"com": 3, "momentum": 6, "momentum_rate": 6, "second_moments": 3, "spin": 3}
-    widths |= {"cop": 2, "cmp": 2, "leg": 3, "margin": 1}
-    found = {name: np.full((count, width), np.nan) for name, width in widths.items()}
+    every, arrays = [field.name for field in fields(Uncertainty)], series.arrays()
+    found = {name: np.full(arrays[name].shape, np.nan) for name in every if name in arrays}
+    found |= {name: np.full((len(series), 2), np.nan) for name in ("cop", "cmp")}  # at one height
     pushing = ~series.flight & (not series.measured)  # a measured force has no band
     clock = _clock_errors(series, whole, noise.late)
     for frames, noisy in covariances(series.robot, moving, noise):
         covariance = noisy + clock[frames, :, None] * clock[frames, None]
         for name, rows in (("com", COM), ("momentum", MOMENTUM), ("momentum_rate", RATE)):
             found[name][frames] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, rows])
-        inertia = covariance[:, INERTIA, INERTIA]
         found["second_moments"][frames] = _deviations(
-            _second_moment_jacobian(series.axes[frames]), inertia
+            _second_moment_jacobian(series.axes[frames]), covariance[:, INERTIA, INERTIA]
         )
-        found["spin"][frames] = _deviations(
-            _angular_velocity_jacobian(
-                whole.inertia[frames], series.average_angular_velocity[frames]
-            ),
+        w = series.average_angular_velocity[frames]
+        found["average_angular_velocity"][frames] = _deviations(
+            _angular_velocity_jacobian(whole.inertia[frames], w),
             covariance[:, MOMENTUM_TO_INERTIA, MOMENTUM_TO_INERTIA],
         )
         inner = frames.start + np.flatnonzero(pushing[frames])
@@ -71,30 +70,18 @@ def propagate_noise(
             pushed = covariance[inner - frames.start]
             jacobian = _ground_jacobian(series, inner, covariance.shape[1])
             values = _deviations(jacobian, pushed)
-            for name, columns in (("cop", slice(0, 2)), ("cmp", slice(2, 4)), ("leg", slice(4, 7))):
-                found[name][inner] = values[:, columns]
+            found["cop"][inner], found["cmp"][inner] = values[:, 0:2], values[:, 2:4]
+            found["leg_length"][inner], found["leg_angles"][inner] = values[:, 4], values[:, 5:7]
             if margin is not None:
                 inward = _margin_jacobian(series, margin, inner, jacobian[:, :2])
-                found["margin"][inner] = _deviations(inward, pushed)
+                found["cop_margin"][inner] = _deviations(inward, pushed)[:, 0]
     # The derivative of sqrt(c lambda / M) by lambda is sqrt(c) times this.
     with np.errstate(divide="ignore", invalid="ignore"):
         root = 0.5 * found["second_moments"] / np.sqrt(series.second_moments * series.robot.mass)
-    return Uncertainty(
-        noise=noise.recorded,
-        beyond=beyond_noise(float(series.time[-1] - series.time[0]), moving.bandwidth),
-        com=found["com"],
-        momentum=found["momentum"],
-        momentum_rate=found["momentum_rate"],
-        cop=found["cop"],
-        cmp=found["cmp"],
-        cop_margin=None if margin is None else found["margin"][:, 0],
-        leg_length=found["leg"][:, 0],
-        leg_angles=found["leg"][:, 1:],
-        second_moments=found["second_moments"],
-        semi_axes=np.sqrt(5.0) * root,
-        radii=np.sqrt(3.0) * root,
-        average_angular_velocity=found["spin"],
-    )
+    found["semi_axes"], found["radii"] = np.sqrt(5.0) * root, np.sqrt(3.0) * root
+    beyond = beyond_noise(float(series.time[-1] - series.time[0]), moving.bandwidth)
+    inside = found.pop("cop_margin", None)
+    return Uncertainty(noise=noise.recorded, beyond=beyond, cop_margin=inside, **found)
 
 
 def _clock_errors(series: RmpSeries, whole: CentroidalSeries, late: float) -> Array:

@@ -139,7 +139,7 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     head = found.get("head")
     if head is None:
         notes.append(f"{robot.name} has no head that moves: its gaze follows the trunk")
-    frames = [found["pelvis"], found["trunk"]] + ([head] if head else [])
+    frames = [frame for frame in (found["pelvis"], found["trunk"], head) if frame is not None]
     upright = {frame: snapshot.rotation(frame) for frame in frames}
     both = MappingProxyType(arms), MappingProxyType(upright)
     return BodyMap(found["pelvis"], found["trunk"], head, *both, tuple(notes))

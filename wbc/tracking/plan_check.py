@@ -14,7 +14,7 @@ from wbc.robot import Snapshot
 from wbc.validate import Array
 
 if TYPE_CHECKING:  # plans load CasADi
-    from wbc.rmp.plan.plan import Plan, Trajectory
+    from wbc.rmp.plan.plan import Plan
 
 MASS_TOLERANCE = 0.01  # of mass and gravity, relative: errors of forces are as large
 COM_TOLERANCE = 0.05  # m, of the first CoM, which a push may displace before the plan begins
@@ -82,22 +82,16 @@ def sole_polygon(start: Snapshot, feet: Iterable[str]) -> Array:
 
 def _body_mismatches(plan: Plan, start: Snapshot) -> Iterator[str]:
     robot, first = start.robot, plan.at(0.0)
-    for what, planned, own, unit in (
-        ("mass", plan.problem.mass, robot.mass, "kg"),
-        ("gravity", plan.problem.gravity, robot.gravity, "m/s^2"),
-    ):
-        if abs(planned - own) > MASS_TOLERANCE * own:
-            yield f"its {what} is {planned:.4g} {unit}, the robot's {own:.4g}"
+    for what, unit in (("mass", "kg"), ("gravity", "m/s^2")):
+        its, robots = getattr(plan.problem, what), getattr(robot, what)
+        if abs(its - robots) > MASS_TOLERANCE * robots:
+            yield f"its {what} is {its:.4g} {unit}, the robot's {robots:.4g}"
     distance = float(np.linalg.norm(first.com[0] - start.com))
     if distance > COM_TOLERANCE:
         yield (
             f"its CoM begins at {_numbers(first.com[0])} m, {1e3 * distance:.3g} mm from the"
             f" robot's {_numbers(start.com)}"
         )
-    yield from _inertia_mismatches(first, start)
-
-
-def _inertia_mismatches(first: Trajectory, start: Snapshot) -> Iterator[str]:
     planned, own = np.sort(first.inertia[0]), np.linalg.eigvalsh(start.inertia)
     difference = float(np.abs(planned / own - 1.0).max())
     if difference > INERTIA_TOLERANCE:
