@@ -51,6 +51,12 @@ def columns_of(robot: Robot, joints: np.ndarray) -> dict[str, np.ndarray]:
     return {"time": TIME} | {name: joints[:, k] for k, name in enumerate(robot.joint_names)}
 
 
+@pytest.fixture
+def columns(hoap2: Robot, joints: np.ndarray) -> dict[str, np.ndarray]:
+    """Views of the joints, by name, and the time."""
+    return columns_of(hoap2, joints)
+
+
 def base_columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
     place = rng.normal(size=3) + 0.1 * np.sin(TIME[:, None] + np.arange(3))
     turn = Rotation.from_euler("xyz", 0.2 * np.cos(TIME[:, None] + np.arange(3))).as_quat()
@@ -62,8 +68,8 @@ def base_columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_joints_may_be_in_any_order(hoap2, joints, write: Write, delimiter: str) -> None:
-    columns = dict(reversed(columns_of(hoap2, joints).items()))
+def test_joints_may_be_in_any_order(hoap2, joints, columns, write: Write, delimiter: str) -> None:
+    columns = dict(reversed(columns.items()))
     motion = read_motion(write(columns, delimiter=delimiter), hoap2)
     np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
     np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
@@ -71,8 +77,7 @@ def test_joints_may_be_in_any_order(hoap2, joints, write: Write, delimiter: str)
     assert motion.rate == pytest.approx(RATE)
 
 
-def test_units_in_names_are_converted(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
+def test_units_in_names_are_converted(hoap2, joints, columns, write: Write) -> None:
     in_names = {"Time (ms)": 1e3 * columns.pop("time")}
     for k, (name, values) in enumerate(columns.items()):
         marked = (f"{name} (deg)", f"{name}_deg", f"{name} [rad]", f"{name}_rad", name)[k % 5]
@@ -97,35 +102,35 @@ def test_degrees_are_for_angles_only(write: Write) -> None:
     np.testing.assert_allclose(read_motion(write(columns), robot, degrees=True).joints, plain)
 
 
-def test_base_by_quaternion_and_by_angles_is_the_same(hoap2, joints, write: Write, rng) -> None:
+def test_base_by_quaternion_and_by_angles_is_the_same(hoap2, columns, write: Write, rng) -> None:
     base = base_columns(rng)
-    motion = read_motion(write(columns_of(hoap2, joints) | base), hoap2)
+    motion = read_motion(write(columns | base), hoap2)
     np.testing.assert_allclose(motion.base, np.column_stack(list(base.values())), atol=1e-12)
     quaternions = np.column_stack([base.pop(f"base_q{a}") for a in "xyzw"])
     angles = Rotation.from_quat(quaternions).as_euler("ZYX", degrees=True)[:, ::-1]
     base |= {f"base_{a} [deg]": x for a, x in zip(("roll", "pitch", "yaw"), angles.T, strict=True)}
-    by_angles = read_motion(write(columns_of(hoap2, joints) | base), hoap2).base
+    by_angles = read_motion(write(columns | base), hoap2).base
     np.testing.assert_allclose(by_angles, motion.base, atol=1e-12)
 
 
-def test_rate_replaces_times(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
+def test_rate_replaces_times(hoap2, columns, write: Write) -> None:
     del columns["time"]
     motion = read_motion(write(columns), hoap2, rate=50.0)
     np.testing.assert_allclose(motion.time, np.arange(COUNT) / 50.0)
 
 
 @pytest.mark.parametrize("posture", ["standing", "neutral"])
-def test_missing_joints_are_of_the_named_posture(hoap2, joints, write: Write, posture: str) -> None:
-    columns = columns_of(hoap2, joints)
+def test_missing_joints_are_of_the_named_posture(
+    hoap2, joints, columns, write: Write, posture: str
+) -> None:
     del columns["left_elbow_pitch"]
     k = hoap2.joint_names.index("left_elbow_pitch")
     motion = read_motion(write(columns), hoap2, missing=posture)
     assert (motion.joints[:, k] == hoap2.limits.joint_positions(hoap2.postures[posture])[k]).all()
 
 
-def test_npz_forms_are_the_same(hoap2, joints, tmp_path: Path, rng) -> None:
-    columns, base = columns_of(hoap2, joints), base_columns(rng)
+def test_npz_forms_are_the_same(hoap2, joints, columns, tmp_path: Path, rng) -> None:
+    base = base_columns(rng)
     np.savez(tmp_path / "a.npz", **columns, **base)
     time = columns.pop("time")
     np.savez(tmp_path / "b.npz", time=time, names=list(columns), positions=joints, **base)
@@ -187,36 +192,34 @@ def refused(path: Path, robot: Robot, *words: str, **options: object) -> Recordi
     return caught.value
 
 
-def test_missing_joints_are_named(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
+def test_missing_joints_are_named(hoap2, columns, write: Write) -> None:
     del columns["left_elbow_pitch"], columns["head_yaw"]
     assert refused(write(columns), hoap2, "left_elbow_pitch", "head_yaw", "standing")
     with pytest.raises(UnknownNameError, match="sitting"):
         read_motion(write(columns), hoap2, missing="sitting")
 
 
-def test_unknown_joint_has_a_suggestion(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints) | {"left_nee_pitch": TIME}
+def test_unknown_joint_has_a_suggestion(hoap2, joints, columns, write: Write) -> None:
+    columns |= {"left_nee_pitch": TIME}
     with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
         read_motion(write(columns), hoap2)
     assert read_motion(write(columns), hoap2, ignore=["left_nee*"]).joints.shape == joints.shape
 
 
-def test_nan_names_column_and_row(hoap2, joints, write: Write) -> None:
+def test_nan_names_column_and_row(hoap2, joints, columns, write: Write) -> None:
     joints[17, 3] = np.nan
-    error = refused(write(columns_of(hoap2, joints)), hoap2, "NaN", "fill")
+    error = refused(write(columns), hoap2, "NaN", "fill")
     assert (error.column, error.row, error.line) == (hoap2.joint_names[3], 18, 19)
 
 
-def test_infinite_is_never_filled(hoap2, joints, write: Write) -> None:
+def test_infinite_is_never_filled(hoap2, joints, columns, write: Write) -> None:
     joints[17, 3] = np.inf
-    error = refused(write(columns_of(hoap2, joints)), hoap2, "infinite", fill=True)
+    error = refused(write(columns), hoap2, "infinite", fill=True)
     assert (error.column, error.row) == (hoap2.joint_names[3], 18)
 
 
 @pytest.mark.parametrize(("value", "row"), [(TIME[20], 22), (TIME[3], 22), (np.nan, 22)])
-def test_times_must_increase(hoap2, joints, write: Write, value: float, row: int) -> None:
-    columns = columns_of(hoap2, joints)
+def test_times_must_increase(hoap2, columns, write: Write, value: float, row: int) -> None:
     columns["time"] = TIME.copy()
     columns["time"][21] = value
     error = refused(write(columns), hoap2, "time", fill=True)
@@ -224,11 +227,11 @@ def test_times_must_increase(hoap2, joints, write: Write, value: float, row: int
 
 
 def test_positions_past_limits_are_refused_with_a_hint_at_degrees(
-    hoap2, joints, write: Write
+    hoap2, joints, columns, write: Write
 ) -> None:
     k = hoap2.joint_names.index("left_knee_pitch")
     joints[30, k] = hoap2.limits.upper[k] + 0.12
-    path = write(columns_of(hoap2, joints))
+    path = write(columns)
     error = refused(path, hoap2, "left_knee_pitch", "limits", "0.12")
     assert (error.column, error.row, error.line) == ("left_knee_pitch", 31, 32)
     assert "in degrees" not in str(error)
@@ -248,8 +251,7 @@ def test_small_excess_of_limits_is_told(hoap2, joints) -> None:
     assert series.past_limits == {}
 
 
-def test_missing_times_and_times_with_a_rate_are_refused(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
+def test_missing_times_and_times_with_a_rate_are_refused(hoap2, columns, write: Write) -> None:
     assert refused(write(columns), hoap2, "time", rate=100.0)
     del columns["time"]
     assert refused(write(columns), hoap2, "'time'", "rate")
@@ -257,31 +259,21 @@ def test_missing_times_and_times_with_a_rate_are_refused(hoap2, joints, write: W
         read_motion(write(columns), hoap2, rate=0.0)
 
 
-def test_incomplete_base_is_refused(hoap2, joints, write: Write, rng) -> None:
+def test_contradicting_columns_are_refused(hoap2, columns, write: Write, rng) -> None:
     base = base_columns(rng)
-    del base["base_qw"]
-    assert refused(write(columns_of(hoap2, joints) | base), hoap2, "base_qw")
-    both = base_columns(rng) | {"base_roll": TIME}
-    assert refused(write(columns_of(hoap2, joints) | both), hoap2, "not both")
-
-
-def test_wrong_quaternion_norm_is_refused(hoap2, joints, write: Write, rng) -> None:
-    base = base_columns(rng)
-    base["base_qw"][5] += 0.5
-    assert refused(write(columns_of(hoap2, joints) | base), hoap2, "norm").row == 6
-
-
-def test_repeated_column_is_refused(hoap2, joints, write: Write) -> None:
-    assert refused(write(columns_of(hoap2, joints) | {"t": TIME}), hoap2, "'t'", "'time'")
-    path = write(columns_of(hoap2, joints))
+    turns = {"head_yaw [turns]": columns["head_yaw"]}
+    for changed, words in (
+        (columns | {k: v for k, v in base.items() if k != "base_qw"}, ["base_qw"]),
+        (columns | base | {"base_roll": TIME}, ["not both"]),
+        (columns | {"t": TIME}, ["'t'", "'time'"]),
+        ({k: v for k, v in columns.items() if k != "head_yaw"} | turns, ["turns", "deg"]),
+    ):
+        refused(write(changed), hoap2, *words)
+    path = write(columns)
     path.write_text(path.read_text().replace("head_yaw", "head_pitch", 1))
-    assert refused(path, hoap2, "head_pitch", "twice")
-
-
-def test_unknown_units_are_refused(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
-    columns["head_yaw [turns]"] = columns.pop("head_yaw")
-    assert refused(write(columns), hoap2, "turns", "deg")
+    refused(path, hoap2, "head_pitch", "twice")
+    base["base_qw"][5] += 0.5
+    assert refused(write(columns | base), hoap2, "norm").row == 6
 
 
 @pytest.mark.parametrize(
@@ -304,27 +296,29 @@ def test_broken_csv_is_refused(hoap2, tmp_path: Path, text: str, words: list[str
     assert refused(path, hoap2, *words)
 
 
-def test_text_in_another_encoding_is_refused(hoap2, joints, write: Write) -> None:
-    path = write(columns_of(hoap2, joints))
+def test_text_in_another_encoding_is_refused(hoap2, columns, write: Write) -> None:
+    path = write(columns)
     path.write_text(path.read_text(), encoding="utf-16")
     assert refused(path, hoap2, "not text in UTF-8")
 
 
 @pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
-def test_comments_and_byte_order_marks_are_skipped(hoap2, joints, write: Write, head: str) -> None:
-    path = write(columns_of(hoap2, joints))
+def test_comments_and_byte_order_marks_are_skipped(
+    hoap2, joints, columns, write: Write, head: str
+) -> None:
+    path = write(columns)
     path.write_text(head + path.read_text(), encoding="utf-8")
     np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
 
 
-def test_trailing_comma_is_no_column(hoap2, joints, write: Write) -> None:
-    path = write(columns_of(hoap2, joints))
+def test_trailing_comma_is_no_column(hoap2, joints, columns, write: Write) -> None:
+    path = write(columns)
     path.write_text(path.read_text().replace("\n", ",\n"))
     np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
 
 
-def test_empty_cells_are_missing_numbers(hoap2, joints, write: Write) -> None:
-    path = write(columns_of(hoap2, joints))
+def test_empty_cells_are_missing_numbers(hoap2, columns, write: Write) -> None:
+    path = write(columns)
     lines = path.read_text().splitlines()
     lines[11] = re.sub(r"^([^,]*),[^,]*,", r"\1,,", lines[11])
     path.write_text("\n".join(lines))
@@ -367,8 +361,8 @@ def test_missing_files_are_refused(hoap2, tmp_path: Path) -> None:
     assert refused(tmp_path / "walk.bvh", hoap2, ".csv or .npz")
 
 
-def test_few_rows_are_refused(hoap2, joints, write: Write) -> None:
-    columns = {name: values[:5] for name, values in columns_of(hoap2, joints).items()}
+def test_few_rows_are_refused(hoap2, joints, columns, write: Write) -> None:
+    columns = {name: values[:5] for name, values in columns.items()}
     assert refused(write(columns), hoap2, "5 rows")
     with pytest.raises(InvalidInputError, match="5 rows"):
         Motion(hoap2, TIME[:5], joints[:5])
@@ -379,9 +373,9 @@ def test_few_rows_are_refused(hoap2, joints, write: Write) -> None:
 # ---------------------------------------------------------------------- dropouts
 
 
-def test_gaps_in_time_are_filled_up_to_the_longest(hoap2, joints, write: Write) -> None:
+def test_gaps_in_time_are_filled_up_to_the_longest(hoap2, joints, columns, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 26))  # six rows: 70 ms from row 19 to row 26
-    columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
+    columns = {name: values[kept] for name, values in columns.items()}
     motion = read_motion(write(columns), hoap2)
     (gap,) = motion.dropouts
     assert (gap.kind, gap.filled) == ("gap in time", True)
@@ -392,27 +386,27 @@ def test_gaps_in_time_are_filled_up_to_the_longest(hoap2, joints, write: Write) 
     assert refused(write(columns), hoap2, "0.07", longest_gap=0.05)
 
 
-def test_missing_numbers_are_filled_if_requested(hoap2, joints, write: Write) -> None:
+def test_missing_numbers_are_filled_if_requested(hoap2, joints, columns, write: Write) -> None:
     true = joints.copy()
     joints[10:13, [2, 4]] = np.nan
     joints[40, 4] = np.nan
-    motion = read_motion(write(columns_of(hoap2, joints)), hoap2, fill=True)
+    motion = read_motion(write(columns), hoap2, fill=True)
     first, second = motion.dropouts
     assert first.kind == second.kind == "missing numbers"
     assert first.columns == (hoap2.joint_names[2], hoap2.joint_names[4])
     assert (first.start, first.end) == pytest.approx((0.09, 0.13))
     assert second.duration == pytest.approx(0.02)
     np.testing.assert_allclose(motion.joints, true, atol=0.002)
-    path = write(columns_of(hoap2, joints))
+    path = write(columns)
     assert refused(path, hoap2, hoap2.joint_names[2], fill=True, longest_gap=0.03)
     joints[-1, 4] = np.nan
-    assert refused(write(columns_of(hoap2, joints)), hoap2, "beginning or end", fill=True)
+    assert refused(write(columns), hoap2, "beginning or end", fill=True)
 
 
-def test_frozen_rows_are_reported(hoap2, joints, write: Write) -> None:
+def test_frozen_rows_are_reported(hoap2, joints, columns, write: Write) -> None:
     true = joints.copy()
     joints[31:35] = joints[30]
-    path = write(columns_of(hoap2, joints))
+    path = write(columns)
     motion = read_motion(path, hoap2)
     (frozen,) = motion.dropouts
     assert (frozen.kind, frozen.filled) == ("frozen", False)
@@ -427,9 +421,9 @@ def test_frozen_rows_are_reported(hoap2, joints, write: Write) -> None:
 
 @pytest.mark.parametrize("base_too", [True, False])
 def test_frozen_base_is_filled_with_the_joints(
-    hoap2, joints, write: Write, rng, base_too: bool
+    hoap2, columns, write: Write, rng, base_too: bool
 ) -> None:
-    columns = columns_of(hoap2, joints) | (base := base_columns(rng))
+    columns |= (base := base_columns(rng))
     true = np.column_stack(list(base.values()))
     for name, values in columns.items():
         if name in hoap2.joint_names or (base_too and name in base):
@@ -440,9 +434,9 @@ def test_frozen_base_is_filled_with_the_joints(
     np.testing.assert_allclose(motion.base, true, atol=1e-4 if base_too else 1e-12)
 
 
-def test_printed_gap_length_is_accepted(hoap2, joints, write: Write) -> None:
+def test_printed_gap_length_is_accepted(hoap2, columns, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 35))
-    columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
+    columns = {name: values[kept] for name, values in columns.items()}
     columns["time"] = columns["time"] * 1.00123 + 1.7e9  # as computers count time
     told = str(refused(write(columns), hoap2, "1700000000.19"))
     longest = float(re.search(r"longest gap of (\S+) s", told)[1])
@@ -450,8 +444,7 @@ def test_printed_gap_length_is_accepted(hoap2, joints, write: Write) -> None:
     assert longest - 0.01 < gap.duration <= longest
 
 
-def test_gaps_too_long_to_fill_are_refused(hoap2, joints, write: Write) -> None:
-    columns = columns_of(hoap2, joints)
+def test_gaps_too_long_to_fill_are_refused(hoap2, columns, write: Write) -> None:
     columns["time"] = np.where(TIME > 0.3, TIME + 1e6, TIME)
     with pytest.raises(InvalidInputError, match="1,000,000"):
         read_motion(write(columns), hoap2, longest_gap=1e7)
