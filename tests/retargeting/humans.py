@@ -8,7 +8,6 @@ from wbc import ComTask, KinematicController, Motion, OrientationTask, PoseTask,
 from wbc.gait.swing import turned
 from wbc.human import HumanBody, HumanMotion, MarkerRecording, human_robot
 from wbc.human.fit import MarkerSet
-from wbc.human.residual_noise import ResidualNoise
 from wbc.minimum_jerk import minimum_jerk
 from wbc.retargeting import Retargeted, RetargetWeights
 from wbc.retargeting.robot_setup import robot_setup
@@ -29,14 +28,9 @@ def moving(
     Toes point ``inward`` [rad].
     """
     robot = human_robot(BODY)
-    q = robot.posture(
-        "neutral",
-        {f"{s}_knee_flexion": 0.25 for s in ("left", "right")}
-        | {f"{s}_hip_flexion": 0.12 for s in ("left", "right")}
-        | {f"{s}_ankle_dorsiflexion": 0.12 for s in ("left", "right")},
-    )
+    bent = {"*_knee_flexion": 0.25, "*_hip_flexion": 0.12, "*_ankle_dorsiflexion": 0.12}
+    q = robot.posture("neutral", bent).copy()
     start = robot.snapshot(q)
-    q = q.copy()
     q[2] -= np.mean([start.position(foot.frame)[2] for foot in robot.feet.values()])
     start = robot.snapshot(q)
     middle = np.mean([start.position(foot.frame) for foot in robot.feet.values()], axis=0)
@@ -70,19 +64,8 @@ def moving(
     none = np.zeros((len(found), 0, 3))
     markers = MarkerSet((), np.zeros(0, dtype=int), np.zeros((0, 3)))
     recording = MarkerRecording(time, ("none",), np.zeros((len(time), 1, 3)), (), up="z")
-    noise: ResidualNoise | None = None
-    return HumanMotion(
-        motion,
-        BODY,
-        recording,
-        markers,
-        none,
-        down,
-        6.0,
-        0.0,
-        noise,
-        (),  # type: ignore[arg-type]
-    )
+    rest = recording, markers, none, down, 6.0, 0.0, None, ()
+    return HumanMotion(motion, BODY, *rest)  # type: ignore[arg-type]
 
 
 def crouching(seconds: float = 2.0, inward: float = 0.0) -> HumanMotion:

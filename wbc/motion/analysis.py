@@ -110,8 +110,9 @@ def analyze(
         measured = ground_wrench(wrenches, whole)
     reaction = ground_reaction(robot, whole, height, measured)
     standing, margin = standing_feet(
-        robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height
-    )
+        robot, whole.soles, names, feet != AUTO, frames.planted, reaction["flight"],
+        reaction["cop"], height,
+    )  # fmt: skip
     angular_velocity = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
     series = RmpSeries(
         robot=robot,
@@ -130,7 +131,7 @@ def analyze(
         com_acceleration=whole.momentum_rate[:, :3] / robot.mass,
         momentum=whole.momentum,
         momentum_rate=whole.momentum_rate,
-        **vars(reaction),
+        **reaction,
         feet=names,
         standing=standing,
         cop_margin=None if margin is None else margin.margin,

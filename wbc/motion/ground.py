@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,27 +29,13 @@ FRAMES_PER_BATCH = 500  # whose arrays stay in the processor's cache
 COLLINEAR = 1e-9  # rad: a corner at this angle to the right of an edge is on it
 
 
-@dataclass(frozen=True, eq=False)
-class GroundReaction:
-    """The ground's force and the leg, named as in :class:`wbc.motion.RmpSeries`."""
-
-    ground_force: Array
-    ground_moment: Array
-    cop: Array
-    cmp: Array
-    flight: Bools
-    leg_length: Array
-    leg_direction: Array
-    leg_angles: Array
-
-
 def ground_reaction(
     robot: Robot,
     whole: CentroidalSeries,
     height: float,
     measured: tuple[Array, Array] | None = None,
-) -> GroundReaction:
-    """Return the ground's force and the leg in n frames; NaN in flight.
+) -> dict[str, Any]:
+    """Return the ground's force and the leg by their names in RmpSeries, n frames; NaN in flight.
 
     Parameters
     ----------
@@ -68,23 +55,18 @@ def ground_reaction(
     com, f, k = whole.com[on], force[on], moment[on]
     p = centre_of_pressure(com, f, k, height)
     length, direction, angles = leg_of(com, p)
-    return GroundReaction(
-        ground_force=force,
-        ground_moment=_in_contact_frames(on, normal_moment(com, f, k, p)),
-        cop=_in_contact_frames(on, p),
-        cmp=_in_contact_frames(on, centroidal_moment_pivot(com, f, height)),
-        flight=~on,
-        leg_length=_in_contact_frames(on, length),
-        leg_direction=_in_contact_frames(on, direction),
-        leg_angles=_in_contact_frames(on, angles),
-    )
-
-
-def _in_contact_frames(on: Bools, values: Array) -> Array:
-    """Return values for all frames, NaN where ``on`` (n,) is False."""
-    spread = np.full((len(on), *values.shape[1:]), np.nan)
-    spread[on] = values
-    return spread
+    found: dict[str, Any] = {"ground_force": force, "flight": ~on}
+    for name, values in {
+        "ground_moment": normal_moment(com, f, k, p),
+        "cop": p,
+        "cmp": centroidal_moment_pivot(com, f, height),
+        "leg_length": length,
+        "leg_direction": direction,
+        "leg_angles": angles,
+    }.items():
+        found[name] = np.full((len(on), *values.shape[1:]), np.nan)
+        found[name][on] = values
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +114,8 @@ def standing_feet(
     names: tuple[str, ...],
     fixed: bool,
     planted: NDArray[np.intp] | None,
-    reaction: GroundReaction,
+    flight: Bools,
+    cop: Array,
     height: float,
 ) -> tuple[Bools, SupportMargin | None]:
     """Return which feet stand (n, f), and the CoP's margin, None if there are no feet.
@@ -146,7 +129,7 @@ def standing_feet(
     planted:
         The planted foot (n,), which always stands unless ``fixed``.
     """
-    count = len(reaction.flight)
+    count = len(flight)
     if not names:
         return np.zeros((count, 0), dtype=bool), None
     columns = [tuple(robot.feet).index(name) for name in names]
@@ -156,8 +139,8 @@ def standing_feet(
     )
     if planted is not None and not fixed:
         standing |= planted[:, None] == np.array(columns)
-    standing &= ~reaction.flight[:, None] | fixed
-    return standing, support_margins(corners, standing, reaction.cop)
+    standing &= ~flight[:, None] | fixed
+    return standing, support_margins(corners, standing, cop)
 
 
 def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:

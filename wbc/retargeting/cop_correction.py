@@ -99,9 +99,7 @@ class SupportedFrames:
         """The same less a margin by the smaller of the soles."""
         hull = self.polygon
         sole = min(float(np.ptp(corners[:, :2], axis=0).max()) for _, corners in self.feet)
-        edges = np.roll(hull, -1, axis=0) - hull
-        normals = edges[:, ::-1] * [1.0, -1.0] / np.linalg.norm(edges, axis=1)[:, None]
-        width = float(np.ptp(hull @ normals.T, axis=0).min()) if len(hull) > 2 else 0.0
+        width = float(np.ptp(hull @ _normals(hull).T, axis=0).min()) if len(hull) > 2 else 0.0
         margin = min(EDGE_MARGIN * sole, MAX_EDGE_MARGIN * width)
         if margin < 1e-3 * sole:  # a foot on its edge leaves a line
             return hull
@@ -114,12 +112,17 @@ class SupportedFrames:
     def edges(self) -> Array:
         """Outward normals and offsets (m, 3) of the inset polygon."""
         points = hull = self.inset_polygon
-        sides = np.roll(hull, -1, axis=0) - hull
-        normals = sides[:, ::-1] * [1.0, -1.0] / np.linalg.norm(sides, axis=1)[:, None]
+        normals = _normals(hull)
         if len(hull) == 2:  # a foot on its edge
-            along = sides[0] / np.linalg.norm(sides[0])
+            along = (hull[1] - hull[0]) / np.linalg.norm(hull[1] - hull[0])
             normals, points = np.vstack((normals, along, -along)), np.vstack((hull, hull[[1, 0]]))
         return np.column_stack((normals, (normals * points).sum(axis=1)))
+
+
+def _normals(hull: Array) -> Array:
+    """Return the outward normals (k, 2) of a hull's edges."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    return np.asarray(edges[:, ::-1] * [1.0, -1.0] / np.linalg.norm(edges, axis=1)[:, None])
 
 
 def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[SupportedFrames, ...]:
