@@ -90,6 +90,5 @@ def stepping(seconds: float = 3.0) -> HumanMotion:
 def trajectory_problem(motion: Retargeted, collision: bool = True) -> TrajectoryProblem:
     """Return the least squares of a retargeted motion."""
     setup = robot_setup(motion.robot, None, 0.01 if collision else None)
-    weights = RetargetWeights()
-    tasks = FrameTasks(motion.robot, setup.body, motion.targets, weights, setup.legs)
+    tasks = FrameTasks(setup, motion.targets, RetargetWeights())
     return TrajectoryProblem(tasks, setup.collision)

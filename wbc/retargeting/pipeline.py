@@ -125,29 +125,26 @@ def retarget(
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
     setup = robot_setup(robot, links, margin if self_collision else None)
-    fingers, legs, body, standing, collision, _ = setup
-    reduced = fingers.robot
-    scale = motion_scale(human, reduced, legs, standing, duration)
+    scale = motion_scale(human, setup.robot, setup.legs, setup.standing, duration)
     cutoff = human.cutoff if cutoff is None else cutoff
 
     @lru_cache(maxsize=1)  # attempts differ in weights more often than in time
     def targets_at(scale: MotionScale) -> tuple[Targets, Array]:
         source = human_frames(human, rate * scale.time, cutoff, roll)
-        targets = scaled_targets(source, reduced, legs, body, standing, scale, balance)
-        return targets, source.series.axes
+        return scaled_targets(source, setup, scale, balance), source.series.axes
 
     def build_problem(
         scale: MotionScale, weights: RetargetWeights
     ) -> tuple[TrajectoryProblem, Array]:
         targets, axes = targets_at(scale)
-        return TrajectoryProblem(FrameTasks(reduced, body, targets, weights, legs), collision), axes
+        return TrajectoryProblem(FrameTasks(setup, targets, weights), setup.collision), axes
 
     found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
-    notes = [*setup.notes, *body.notes, *found.notes(scale.time)]
+    notes, reduced = [*setup.notes, *setup.body.notes, *found.notes(scale.time)], setup.robot
     feet, moved = update_footprints(found.problem.tasks.targets.feet, reduced, found.q)
     targets = replace(found.problem.tasks.targets, feet=feet)
     notes += [*targets.notes, *moved, *penetration_notes(reduced, targets, found.q)]
-    q = fingers.all_joints(found.q)
+    q = setup.fingers.all_joints(found.q)
     return evaluate(
         robot, setup, human.motion.source, found.scale, targets, q, friction, tuple(notes)
     )
@@ -173,7 +170,7 @@ def evaluate(
         whole=whole,
         targets=targets,
         **vars(ground),
-        reached=tracking_errors(robot, setup.body, targets, q, whole, setup.standing.com_height),
+        reached=tracking_errors(robot, setup, targets, q, whole),
         broken=violations(setup, targets, q, v, acceleration),
         notes=notes,
     )

@@ -31,6 +31,11 @@ class RobotSetup(NamedTuple):
     collision: SelfCollision | None
     notes: tuple[str, ...]  # fixed fingers, and why there is no self-collision where it was wanted
 
+    @property
+    def robot(self) -> Robot:
+        """With fixed fingers."""
+        return self.fingers.robot
+
 
 def robot_setup(robot: Robot, links: Mapping[str, str] | None, margin: float | None) -> RobotSetup:
     """Return what is derived from a robot, from a cache if possible.

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.gait.legs import SIDES, Legs, leg_joints
-from wbc.retargeting.body_map import BodyMap
+from wbc.gait.legs import SIDES, leg_joints
 from wbc.retargeting.cop_correction import (
     cop_displacement,
     least_com_displacement,
@@ -17,7 +16,8 @@ from wbc.retargeting.cop_correction import (
     required_cop,
 )
 from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, yaw_pitch_rotations
-from wbc.retargeting.scaling import MotionScale, StandingBody
+from wbc.retargeting.robot_setup import RobotSetup
+from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
@@ -89,21 +89,18 @@ class Targets:
 
 
 def scaled_targets(
-    source: HumanFrames, robot: Robot, legs: Legs, body: BodyMap, standing: StandingBody,
-    scale: MotionScale, balance: bool,
-) -> Targets:  # fmt: skip
+    source: HumanFrames, setup: RobotSetup, scale: MotionScale, balance: bool
+) -> Targets:
     """Return a robot's targets; with ``balance`` the CoM is moved so that the CoP is feasible."""
-    series = source.series
+    series, robot, legs, body = source.series, setup.robot, setup.legs, setup.body
     dt = scale.time * float(series.time[1] - series.time[0])
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
     feet = foot_paths(source, robot, legs, _step_scaling(source, scale, 1.0))
-    step_scale, lowering, notes = _step_scale_and_lowering(
-        source, robot, legs, standing, scale, pelvis, body, feet
-    )
+    step_scale, lowering, notes = _step_scale_and_lowering(source, setup, scale, pelvis, feet)
     scaling = _step_scaling(source, scale, step_scale)
     if step_scale < 1.0:
         feet = foot_paths(source, robot, legs, scaling)
-    com = _scaled_com(source, legs, standing, scale, scaling)
+    com = _scaled_com(source, setup, scale, scaling)
     com[:, 2] -= lowering
     if feet.widening > 0.0:
         why = "for legs that cannot roll the soles" if feet.line_feet else "to pass each other"
@@ -193,7 +190,7 @@ def _step_scaling(source: HumanFrames, scale: MotionScale, step_scale: float) ->
 
 
 def _scaled_com(
-    source: HumanFrames, legs: Legs, standing: StandingBody, scale: MotionScale, scaling: Array
+    source: HumanFrames, setup: RobotSetup, scale: MotionScale, scaling: Array
 ) -> Array:
     """Return the human's CoM, scaled (n, 3) [m], over the robot's ground.
 
@@ -203,8 +200,8 @@ def _scaled_com(
     height = source.series.com[:, 2] - source.series.ground_height - scale.human_height
     R = yaw_pitch_rotations(source.heading)
     shift = scale.length * float(np.mean(np.einsum("nji,nj->ni", R, source.hips)[:, 0]))
-    shift -= float(standing.hips[:, 0].mean())
-    most = MAX_FORWARD_SHIFT * legs.length
+    shift -= float(setup.standing.hips[:, 0].mean())
+    most = MAX_FORWARD_SHIFT * setup.legs.length
     com = np.empty((len(source), 3))
     com[:, :2] = source.series.com[:, :2] @ scaling[:2, :2].T
     com[:, :2] += min(max(shift, -most), most) * R[:, :2, 0]
@@ -213,27 +210,27 @@ def _scaled_com(
 
 
 def _step_scale_and_lowering(
-    source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap, unscaled: FootPaths,
-) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
+    source: HumanFrames, setup: RobotSetup, scale: MotionScale, pelvis: Array, unscaled: FootPaths
+) -> tuple[float, float, tuple[str, ...]]:
     """Return the scale of the steps and the lowering of the CoM [m] for legs to reach, and notes.
 
     All positions are linear in the step scale, but for the outward shift of the feet, which is
     taken as linear too. ``unscaled``: paths of the feet with a step scale of 1.
     """
-    snapshot = robot.snapshot(robot.postures[STANDING])
-    upright, longest = snapshot.rotation(body.pelvis), MAX_LEG_EXTENSION * legs.length
+    robot, legs = setup.robot, setup.legs
+    snapshot, longest = robot.snapshot(robot.postures[STANDING]), MAX_LEG_EXTENSION * legs.length
+    upright = snapshot.rotation(setup.body.pelvis)
     # A bent body has its hips elsewhere relative to the CoM than an upright one.
     bent = scale.length * (source.hips - source.rotation["pelvis"] @ source.upright_hips)
     ends = []
     for step_scale in (MIN_STEP_SCALE, 1.0):
         scaling = _step_scaling(source, scale, step_scale)
         feet = unscaled if step_scale == 1.0 else foot_paths(source, robot, legs, scaling)
-        com = _scaled_com(source, legs, standing, scale, scaling)
+        com = _scaled_com(source, setup, scale, scaling)
         share = load_shares(feet.down)
         com[:, :2] += sum(share[:, [n]] * _flat_shift(feet.paths[s]) for n, s in enumerate(SIDES))
         vectors = []  # from the ankle on the ground to the hip
-        for side, hip in zip(SIDES, standing.hips, strict=True):
+        for side, hip in zip(SIDES, setup.standing.hips, strict=True):
             ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
             sole, path = robot.feet[side].frame, feet.paths[side]
             arm = snapshot.rotation(sole).T @ (ankle - snapshot.position(sole))

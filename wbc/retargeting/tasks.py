@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.gait.legs import SIDES, Legs
-from wbc.retargeting.body_map import BodyMap
+from wbc.gait.legs import SIDES
+from wbc.retargeting.robot_setup import RobotSetup
 from wbc.retargeting.targets import Targets
-from wbc.robot import Robot
 from wbc.robot.postures import STANDING
 from wbc.tasks import AxisTask, ComTask, InertiaTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
@@ -75,9 +74,8 @@ class FrameTasks:
         Its targets (n, 3, 3) [kg m^2], once they are known.
     """
 
-    def __init__(
-        self, robot: Robot, body: BodyMap, targets: Targets, weights: RetargetWeights, legs: Legs
-    ) -> None:
+    def __init__(self, setup: RobotSetup, targets: Targets, weights: RetargetWeights) -> None:
+        robot, body, legs = setup.robot, setup.body, setup.legs
         w, standing = weights, robot.postures[STANDING]
         self.robot, self.body, self.targets, self.legs = robot, body, targets, legs
         start = robot.snapshot(standing)

@@ -6,7 +6,6 @@ import numpy as np
 
 from wbc.gait.legs import SIDES
 from wbc.motion.ground import sole_corners
-from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.constraint_projection import near_pairs
 from wbc.retargeting.ground_forces import intervals_above
 from wbc.retargeting.result import Reached, Retargeted, correlations, slides
@@ -27,15 +26,13 @@ MIN_GAP = 0.2  # between second moments, by the largest: axes of closer ones are
 
 
 def tracking_errors(
-    robot: Robot, body: BodyMap, targets: Targets, q: Array, whole: CentroidalSeries, height: float,
-) -> tuple[Reached, ...]:  # fmt: skip
+    robot: Robot, setup: RobotSetup, targets: Targets, q: Array, whole: CentroidalSeries
+) -> tuple[Reached, ...]:
     """Return each task's rms error, and its largest with its time.
 
-    Parameters
-    ----------
-    height:
-        Of the CoM with straight legs [m], the unit of momenta.
+    The unit of momenta is by the height of the CoM with straight legs.
     """
+    body, height = setup.body, setup.standing.com_height
     parts = {
         (side, name): (frame, axis, targets.arms[side][:, n])
         for side, arm in body.arms.items()
