@@ -53,7 +53,7 @@ def test_jacobians_are_those_of_differences() -> None:
     _, poses = marching(0.05)
     poses = poses[np.array([2])]
     marks = tuple(landmark(str(landmark_of(n))) for n in ("LASI", "RWRA", "LTOE", "C7", "RKNE"))
-    markers = MarkerSet(("a", "b", "c", "d", "e"), marks, np.array([m.place for m in marks]))
+    markers = MarkerSet(tuple("abcde"), marks, np.array([m.place for m in marks]), BODY.dimensions)
     placed = forward_kinematics(poses, BODY.dimensions)
     J = point_jacobian(placed, markers.segments, markers.positions(placed))[0]
     h = 1e-6  # central differences: errors of h^2 = 1e-12 and of rounding, 1e-10

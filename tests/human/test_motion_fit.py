@@ -44,14 +44,15 @@ def fitted_com(human: HumanMotion) -> np.ndarray:
 
 def markers_of(labels: list[str]) -> MarkerSet:
     marks = tuple(landmark(str(landmark_of(label))) for label in labels)
-    return MarkerSet(tuple(labels), marks, BODY.scale * np.array([one.place for one in marks]))
+    places = BODY.scale * np.array([one.place for one in marks])
+    return MarkerSet(tuple(labels), marks, places, BODY.dimensions)
 
 
 def test_known_body_is_fitted_exactly() -> None:
     recording, truth = recorded(BODY, seconds=0.5)
     markers = markers_of(LABELS)
-    start = initial_poses(recording.positions, markers, BODY.dimensions)
-    found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
+    start = initial_poses(recording.positions, markers)
+    found, _ = fit_poses(start, recording.positions, markers)
     seen = (
         forward_kinematics(found, BODY.dimensions).origin
         - forward_kinematics(truth, BODY.dimensions).origin
@@ -83,8 +84,8 @@ def test_knees_and_elbows_by_joint_centres_bend_the_right_way() -> None:
     posed = Poses(np.zeros((100, 3)), rotations(0.4 * rng.standard_normal((100, 3))), angles)
     recording, _ = recorded(BODY, labels=labels, posed=(time, posed))
     markers = markers_of(labels)
-    start = initial_poses(recording.positions, markers, BODY.dimensions)
-    found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
+    start = initial_poses(recording.positions, markers)
+    found, _ = fit_poses(start, recording.positions, markers)
     for name in ("knee_flexion", "elbow_flexion"):
         both = [HINGE_NAMES.index(f"{side}_{name}") for side in ("left", "right")]
         assert (found.angles[:, both] > 0.0).all(), name
@@ -99,8 +100,8 @@ def test_frames_in_local_minima_are_refitted_from_their_neighbours() -> None:
         wrong[frames, hip] += np.pi
         wrong[frames, knee] *= -1.0
     start = Poses(truth.position, truth.rotation, wrong)
-    stuck, cost = fit_poses(start, recording.positions, markers, BODY.dimensions)
-    found = escape_local_minima(stuck, cost.copy(), recording.positions, markers, BODY.dimensions)
+    stuck, cost = fit_poses(start, recording.positions, markers)
+    found = escape_local_minima(stuck, cost.copy(), recording.positions, markers)
     assert (stuck.angles[22:28, knee] < 0.0).all()  # or the test would be none
     assert np.abs(found.angles[:, knee] - truth.angles[:, knee]).max() < 0.05
 

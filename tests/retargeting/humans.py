@@ -62,7 +62,7 @@ def moving(
     motion = Motion(robot, time, found[:, 7:], found[:, :7], (), "made")
     down = np.column_stack([feet[s][:, 2] < 0.01 for s in ("left", "right")])
     none = np.zeros((len(found), 0, 3))
-    markers = MarkerSet((), np.zeros(0, dtype=int), np.zeros((0, 3)))
+    markers = MarkerSet((), np.zeros(0, dtype=int), np.zeros((0, 3)), BODY.dimensions)
     recording = MarkerRecording(time, ("none",), np.zeros((len(time), 1, 3)), (), up="z")
     rest = recording, markers, none, down, 6.0, 0.0, None, ()
     return HumanMotion(motion, BODY, *rest)  # type: ignore[arg-type]

@@ -54,7 +54,6 @@ _LENGTHS = {
 class Calibration:
     """Dimensions and marker places of a human, from a recording."""
 
-    dimensions: Array  # (12,) [m]
     markers: MarkerSet
     stature: float  # [m]: given, or by the calibrated lengths
     poses: Poses  # of the key frames
@@ -97,21 +96,21 @@ def calibrate(
     guess = stature if stature is not None else _estimate_stature(observed, landmarks)
     for _ in range(2 if stature is None else 1):
         prior = _prior(observed, landmarks, guess)
-        markers = MarkerSet(names, landmarks, prior.place.copy())
+        markers = MarkerSet(names, landmarks, prior.place.copy(), prior.dimensions)
         # With uncalibrated places a marker is no more certain than its place.
         noisy = (replace(one, noise=math.hypot(one.noise, one.spread)) for one in landmarks)
         uncalibrated = replace(markers, landmarks=tuple(noisy))
-        poses = initial_poses(observed, markers, prior.dimensions)
-        poses, cost = fit_poses(poses, observed, uncalibrated, prior.dimensions)
-        poses = _refit_from_best(poses, cost, observed, uncalibrated, prior.dimensions)
-        _, cost = fit_poses(poses, observed, uncalibrated, prior.dimensions, 0)
-        poses = escape_local_minima(poses, cost, observed, uncalibrated, prior.dimensions)
+        poses = initial_poses(observed, markers)
+        poses, cost = fit_poses(poses, observed, uncalibrated)
+        poses = _refit_from_best(poses, cost, observed, uncalibrated)
+        _, cost = fit_poses(poses, observed, uncalibrated, 0)
+        poses = escape_local_minima(poses, cost, observed, uncalibrated)
         found = _bundle_adjustment(poses, observed, markers, prior)
         limbs = [NAMES.index(n) for n in ("upper_arm", "forearm", "thigh", "shank")]
-        ratios = found.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
+        ratios = found.markers.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
         by_limbs = float(np.clip(np.mean(ratios) * REFERENCE_STATURE, *STATURES))
         guess = by_limbs if stature is None else stature
-    sizes = dict(zip(NAMES, found.dimensions.tolist(), strict=True))
+    sizes = dict(zip(NAMES, found.markers.dimensions.tolist(), strict=True))
     bad = next((n for n, size in sizes.items() if size <= 0.0 and not n.endswith("_x")), None)
     if bad is not None:
         raise InvalidInputError(
@@ -138,9 +137,7 @@ def _misplaced_note(found: Calibration, prior: _Prior) -> tuple[str, ...]:
     return (f"markers far from the places of their names: {listed(names, 8)}; swapped?",)
 
 
-def _refit_from_best(
-    poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
-) -> Poses:
+def _refit_from_best(poses: Poses, cost: Array, observed: Array, markers: MarkerSet) -> Poses:
     """Return postures in which bad ones are refitted from the joint angles of the best one."""
     best = int(cost.argmin())
     bad = np.flatnonzero(cost > 3.0 * cost[best] + 10.0)
@@ -148,7 +145,7 @@ def _refit_from_best(
         return poses
     start = poses[bad]
     start.angles[:] = poses.angles[best]
-    again, new = fit_poses(start, observed[bad], markers, dimensions)
+    again, new = fit_poses(start, observed[bad], markers)
     better = new < cost[bad]
     poses.put(bad[better], again, better)
     return poses
@@ -226,39 +223,37 @@ def _bundle_adjustment(
     poses: Poses, observed: Array, markers: MarkerSet, prior: _Prior
 ) -> Calibration:
     """Optimise postures, dimensions and places together, by the Schur complement."""
-    dimensions = prior.dimensions.copy()
-    cost, damping = _total_cost(poses, observed, markers, dimensions, prior), 1e-3
+    cost, damping = _total_cost(poses, observed, markers, prior), 1e-3
     for _ in range(MAX_ITERATIONS):
-        step, pose_steps = _step(poses, observed, markers, dimensions, prior, damping)
+        step, pose_steps = _step(poses, observed, markers, prior, damping)
         tried = poses.step(pose_steps)
-        new_dimensions = dimensions + step[: len(NAMES)]
-        new_markers = replace(markers, place=markers.place + step[len(NAMES) :].reshape(-1, 3))
-        new = _total_cost(tried, observed, new_markers, new_dimensions, prior)
+        sizes, place = np.split(step, [len(NAMES)])
+        stepped = replace(
+            markers,
+            dimensions=markers.dimensions + sizes,
+            place=markers.place + place.reshape(-1, 3),
+        )
+        new = _total_cost(tried, observed, stepped, prior)
         if new > cost:
             damping *= 10.0
             if damping > 1e6:
                 break
             continue
         decrease, cost = cost - new, new
-        poses, dimensions, markers = tried, new_dimensions, new_markers
+        poses, markers = tried, stepped
         damping = max(0.1 * damping, 1e-9)
         if decrease < CONVERGED_DECREASE * cost:
             break
-    residual = residuals(poses, observed, markers, dimensions)
+    residual = residuals(poses, observed, markers)
     rms = float(np.sqrt(np.nanmean((residual**2).sum(axis=2))))
-    return Calibration(dimensions, markers, 0.0, poses, rms)
+    return Calibration(markers, 0.0, poses, rms)
 
 
 def _step(
-    poses: Poses,
-    observed: Array,
-    markers: MarkerSet,
-    dimensions: Array,
-    prior: _Prior,
-    damping: float,
+    poses: Poses, observed: Array, markers: MarkerSet, prior: _Prior, damping: float
 ) -> tuple[Array, Array]:
     """Return the steps of the body (12 + 3 m) and of the postures (n, 40)."""
-    frames, W, JW, r, H, g = linearize(poses, observed, markers, dimensions)
+    frames, W, JW, r, H, g = linearize(poses, observed, markers)
     A = _body_jacobian(frames, markers)
     H[:, np.arange(DOFS), np.arange(DOFS)] *= 1.0 + damping
     cross = JW @ A  # (n, 40, b)
@@ -267,7 +262,7 @@ def _step(
     b = AW.T @ r.ravel()
     spread = np.concatenate((prior.dimension_spread, prior.place_spread.ravel()))
     deviation = np.concatenate(
-        (dimensions - prior.dimensions, (markers.place - prior.place).ravel())
+        (markers.dimensions - prior.dimensions, (markers.place - prior.place).ravel())
     )
     B[np.diag_indices_from(B)] = np.diagonal(B) * (1.0 + damping) + spread**-2
     b += deviation * spread**-2
@@ -290,11 +285,9 @@ def _body_jacobian(frames: SegmentFrames, markers: MarkerSet) -> Array:
     return A.reshape(count, 3 * many, -1)
 
 
-def _total_cost(
-    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, prior: _Prior
-) -> float:
-    _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
+def _total_cost(poses: Poses, observed: Array, markers: MarkerSet, prior: _Prior) -> float:
+    _, cost = weights(residuals(poses, observed, markers), markers.noise)
     total = cost.sum() + ((poses.angles / SPREADS) ** 2).sum()
-    total += (((dimensions - prior.dimensions) / prior.dimension_spread) ** 2).sum()
+    total += (((markers.dimensions - prior.dimensions) / prior.dimension_spread) ** 2).sum()
     total += (((markers.place - prior.place) / prior.place_spread) ** 2).sum()
     return float(total)

@@ -43,7 +43,7 @@ LOCAL_MINIMUM_FACTOR, LOCAL_MINIMUM_OFFSET = 2.0, 20.0
 
 @dataclass(frozen=True, eq=False)
 class MarkerSet:
-    """Markers on a human: their places on the segments, and how certain these are.
+    """Markers on a human of given dimensions: their places, and how certain these are.
 
     A marker is at ``origin(anchor) + R(segment) place`` in the world.
     """
@@ -51,6 +51,7 @@ class MarkerSet:
     names: tuple[str, ...]  # labels of the recording (m)
     landmarks: tuple[Landmark, ...]  # (m)
     place: Array  # (m, 3) [m]
+    dimensions: Array  # of the human (12,) [m]
 
     @property
     def segments(self) -> NDArray[np.intp]:
@@ -66,6 +67,10 @@ class MarkerSet:
     def noise(self) -> Array:
         """Standard deviations (m,) [m]."""
         return np.array([one.noise for one in self.landmarks])
+
+    def frames(self, poses: Poses) -> SegmentFrames:
+        """Return the poses of the human's segments in n postures."""
+        return forward_kinematics(poses, self.dimensions)
 
     def positions(self, frames: SegmentFrames) -> Array:
         """Return their positions (n, m, 3) [m] in n frames."""
@@ -84,17 +89,13 @@ def weights(residual: Array, noise: Array) -> tuple[Array, Array]:
     return np.where(known, factor / noise**2, 0.0), cost.sum(axis=1)
 
 
-def residuals(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
+def residuals(poses: Poses, observed: Array, markers: MarkerSet) -> Array:
     """Return fitted less observed marker positions (n, m, 3) [m]."""
-    return np.asarray(markers.positions(forward_kinematics(poses, dimensions)) - observed)
+    return np.asarray(markers.positions(markers.frames(poses)) - observed)
 
 
 def fit_poses(
-    start: Poses,
-    observed: Array,
-    markers: MarkerSet,
-    dimensions: Array,
-    iterations: int = MAX_ITERATIONS,
+    start: Poses, observed: Array, markers: MarkerSet, iterations: int = MAX_ITERATIONS
 ) -> tuple[Poses, Array]:
     """Return the postures (n) that fit markers (n, m, 3) [m], and their costs (n,).
 
@@ -108,27 +109,25 @@ def fit_poses(
     poses, cost = start.copy(), np.empty(len(start))
     for first in range(0, len(start), FRAMES_PER_BATCH):
         frames = slice(first, first + FRAMES_PER_BATCH)
-        cost[frames] = _fit(poses[frames], observed[frames], markers, dimensions, iterations)
+        cost[frames] = _fit(poses[frames], observed[frames], markers, iterations)
     return poses, cost
 
 
-def _fit(
-    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, iterations: int
-) -> Array:
+def _fit(poses: Poses, observed: Array, markers: MarkerSet, iterations: int) -> Array:
     """Fit the postures in place; return their costs (n,)."""
-    cost = _cost(poses, observed, markers, dimensions)
+    cost = _cost(poses, observed, markers)
     damping = np.full(len(poses), INITIAL_DAMPING)
     active: NDArray[np.intp] = np.arange(len(poses))
     for _ in range(iterations):
         if not len(active):
             break
         now = poses[active]
-        H, g = normal_equations(now, observed[active], markers, dimensions)
+        H, g = normal_equations(now, observed[active], markers)
         diagonal = np.arange(DOFS)
         H[:, diagonal, diagonal] *= 1.0 + damping[active, None]
         step = -np.linalg.solve(H, g[..., None])[..., 0]
         tried = now.step(step)
-        new = _cost(tried, observed[active], markers, dimensions)
+        new = _cost(tried, observed[active], markers)
         better = new <= cost[active]
         accepted, rejected = active[better], active[~better]
         decrease = cost[accepted] - new[better]
@@ -142,9 +141,7 @@ def _fit(
     return cost
 
 
-def escape_local_minima(
-    poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
-) -> Poses:
+def escape_local_minima(poses: Poses, cost: Array, observed: Array, markers: MarkerSet) -> Poses:
     """Return postures (n) in which frames far worse than a neighbour are refitted from it.
 
     Another initial posture may lead to another local minimum, with a knee bent backwards.
@@ -154,18 +151,16 @@ def escape_local_minima(
         for k in frames:
             if cost[k] > LOCAL_MINIMUM_FACTOR * cost[k - step] + LOCAL_MINIMUM_OFFSET:
                 one = slice(k - step, k - step + 1)
-                found, new = fit_poses(poses[one], observed[k : k + 1], markers, dimensions)
+                found, new = fit_poses(poses[one], observed[k : k + 1], markers)
                 if new[0] < cost[k]:
                     poses.put(k, found, 0)
                     cost[k] = new[0]
     return poses
 
 
-def normal_equations(
-    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
-) -> tuple[Array, Array]:
+def normal_equations(poses: Poses, observed: Array, markers: MarkerSet) -> tuple[Array, Array]:
     """Return Gauss-Newton's matrices (n, 40, 40) and gradients (n, 40) of half the cost."""
-    *_, H, g = linearize(poses, observed, markers, dimensions)
+    *_, H, g = linearize(poses, observed, markers)
     # Without markers the pelvis stays where it is, and the matrix is regular.
     base = np.arange(6)
     H[:, base, base] += 1e-9
@@ -173,14 +168,14 @@ def normal_equations(
 
 
 def linearize(
-    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
+    poses: Poses, observed: Array, markers: MarkerSet
 ) -> tuple[SegmentFrames, Array, Array, Array, Array, Array]:
     """Linearize the k = 3 m coordinates of markers.
 
     Return the segments' poses; weights (n, k, 1); the weighted Jacobian, transposed (n, 40, k);
     residuals (n, k) [m]; matrices (n, 40, 40) and gradients (n, 40) of half the cost.
     """
-    frames = forward_kinematics(poses, dimensions)
+    frames = markers.frames(poses)
     positions = markers.positions(frames)
     residual = positions - observed
     weight, _ = weights(residual, markers.noise)
@@ -196,8 +191,8 @@ def linearize(
     return frames, W, JW, r, H, g
 
 
-def _cost(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
-    _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
+def _cost(poses: Poses, observed: Array, markers: MarkerSet) -> Array:
+    _, cost = weights(residuals(poses, observed, markers), markers.noise)
     return np.asarray(cost + ((poses.angles / SPREADS) ** 2).sum(axis=1))
 
 
@@ -267,7 +262,7 @@ def _branches() -> tuple[tuple[int, float], ...]:
 BRANCHES = _branches()
 
 
-def initial_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Poses:
+def initial_poses(observed: Array, markers: MarkerSet) -> Poses:
     """Return postures (n) aligned with the markers of pelvis and trunk, by Kabsch (1976).
 
     Joints have ``INITIAL_ANGLES``; a frame without three of these markers has the pose of the one
@@ -275,7 +270,7 @@ def initial_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Pos
     """
     count = len(observed)
     neutral = Poses(np.zeros((1, 3)), np.eye(3)[None], np.zeros((1, len(HINGES))))
-    model = markers.positions(forward_kinematics(neutral, dimensions))[0]
+    model = markers.positions(markers.frames(neutral))[0]
     core = [k for k, one in enumerate(markers.landmarks) if one.segment in ("pelvis", "trunk")]
     position, rotation = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
     R, p = np.eye(3), np.zeros(3)

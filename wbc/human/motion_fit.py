@@ -189,7 +189,7 @@ def human_motion(
     standing = _static_frames(static, markers, up)
     fit = _fit_markers(recording, standing, markers, stature, longest_gap)
     found, poses, time = fit.calibration, fit.poses, recording.time
-    body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
+    body = HumanBody(found.markers.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     frames = forward_kinematics(poses, body.dimensions)
     ground, soles, more = ground_and_soles(frames, time, body, ground_height)
     notes += found.notes + more
@@ -217,9 +217,7 @@ def human_motion(
         notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was given",)
     motion = _motion(robot, recording, q, fit.dropouts)
     residual = fit.residual
-    noise = residual_noise(
-        time, poses, fit.observed, residual, found.markers, found.dimensions, robot
-    )
+    noise = residual_noise(time, poses, fit.observed, residual, found.markers, robot)
     human = HumanMotion(
         motion, body, recording, found.markers, residual, down, cutoff, ground, noise, notes
     )
@@ -293,9 +291,9 @@ def _fit_markers(
     poses = _fit_all_frames(found, len(standing), frames, observed)
     observed, more = _repair(time, observed, poses, found)
     if more:
-        poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
+        poses, _ = fit_poses(poses, observed, found.markers)
         poses = unwrap_joints(poses)
-    residual = residuals(poses, observed, found.markers, found.dimensions)
+    residual = residuals(poses, observed, found.markers)
     trunk = identifies_trunk(marks[: len(columns)])
     if not trunk:
         poses = upright_trunk(poses)
@@ -325,9 +323,9 @@ def _fit_all_frames(
     """Return the postures of all frames, with those of the nearest key frames as initial guess."""
     nearest = np.abs(frames[None] - np.arange(len(observed))[:, None]).argmin(axis=1)
     start = found.poses[static_count + nearest]
-    poses, cost = fit_poses(start, observed, found.markers, found.dimensions)
-    poses = escape_local_minima(poses, cost, observed, found.markers, found.dimensions)
-    poses, _ = fit_poses(unwrap_joints(poses), observed, found.markers, found.dimensions)
+    poses, cost = fit_poses(start, observed, found.markers)
+    poses = escape_local_minima(poses, cost, observed, found.markers)
+    poses, _ = fit_poses(unwrap_joints(poses), observed, found.markers)
     return unwrap_joints(poses)
 
 
@@ -336,7 +334,7 @@ def _repair(
 ) -> tuple[Array, list[Dropout]]:
     """Return markers without ghosts and gaps, and which there were."""
     names = found.markers.names
-    fitted = found.markers.positions(forward_kinematics(poses, found.dimensions))
+    fitted = found.markers.positions(found.markers.frames(poses))
     observed, ghosts = remove_ghosts(time, observed, fitted, names)
     observed, gaps = fill_gaps_by_fit(time, observed, fitted, names)
     gaps = [one for one in gaps if not any(one.columns == g.columns for g in ghosts)]

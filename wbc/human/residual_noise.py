@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from wbc.human.fit import MarkerSet, normal_equations
-from wbc.human.kinematics import DOFS, Poses, forward_kinematics, point_jacobian
+from wbc.human.kinematics import DOFS, Poses, point_jacobian
 from wbc.human.skeleton import hinge_order
 from wbc.motion.filtering import low_pass
 from wbc.motion.noise import Noise
@@ -94,13 +94,7 @@ class ResidualNoise:
 
 
 def residual_noise(
-    time: Array,
-    poses: Poses,
-    observed: Array,
-    residual: Array,
-    markers: MarkerSet,
-    dimensions: Array,
-    robot: Robot,
+    time: Array, poses: Poses, observed: Array, residual: Array, markers: MarkerSet, robot: Robot
 ) -> ResidualNoise:
     """Return the errors of a fit by its residuals (n, m, 3) (White 1980, Econometrica).
 
@@ -112,8 +106,8 @@ def residual_noise(
     residual = np.where(seen[:, always, None], residual[:, always], 0.0)
     frames = np.unique(np.linspace(0, len(poses) - 1, GAIN_FRAMES).astype(int))
     some = poses[frames]
-    segment_frames = forward_kinematics(some, dimensions)
-    H, _ = normal_equations(some, observed[frames], markers, dimensions)
+    segment_frames = markers.frames(some)
+    H, _ = normal_equations(some, observed[frames], markers)
     positions = markers.positions(segment_frames)[:, always]
     J = point_jacobian(segment_frames, markers.segments[always], positions)
     J = J.reshape(len(frames), -1, DOFS)
