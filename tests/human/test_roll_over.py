@@ -83,9 +83,7 @@ def test_leaning_shank_has_its_cop_in_front_of_the_ankle(lean: float, front: flo
         np.testing.assert_allclose(cop[0, k], wanted, atol=1e-3)
 
 
-def gliding(
-    speed: float, ahead: float, cutoff: float = 5.0
-) -> tuple[wbc.motion.RmpSeries, np.ndarray]:
+def gliding(speed: float, ahead: float) -> tuple[wbc.motion.RmpSeries, np.ndarray]:
     """A body that stands stiffly and glides, trunk bent forwards; on one foot, then the other."""
     time = np.arange(200) / 100.0
     angles = np.zeros((200, len(HINGES)))

@@ -49,10 +49,8 @@ def test_com_displacement_is_as_small_as_a_qp_finds(cop: Array, rng: np.random.G
     np.testing.assert_allclose(found, cop + D @ off, atol=1e-12)
     np.testing.assert_allclose(cop_displacement(off, time_constant_sq, DT), D @ off, atol=1e-12)
     for one in supports():
-        low, high = (
-            one.inset_polygon.min(axis=0),
-            one.inset_polygon.max(axis=0),
-        )  # upright rectangles
+        hull = one.inset_polygon  # an upright rectangle
+        low, high = hull.min(axis=0), hull.max(axis=0)
         for k in one.frames[(one.frames > 0) & (one.frames < COUNT - 1)]:
             for axis in range(2):
                 row = np.zeros((COUNT, 2))
@@ -69,9 +67,8 @@ def test_com_displacement_is_as_small_as_a_qp_finds(cop: Array, rng: np.random.G
 
 
 def test_cop_inside_the_sole_displaces_nothing() -> None:
-    off, found = least_com_displacement(
-        np.zeros((COUNT, 2)), np.full(COUNT, 0.07), DT, supports()[:1]
-    )
+    inside, constant = np.zeros((COUNT, 2)), np.full(COUNT, 0.07)
+    off, found = least_com_displacement(inside, constant, DT, supports()[:1])
     assert not off.any() and not found.any()
 
 

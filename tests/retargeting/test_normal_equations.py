@@ -24,11 +24,8 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
     normal.add(-B, after, errors=2.0 * f)
     g = rng.normal(size=(count - 2, rows))
     normal.add(B[:-1], -B[:-1] - B[1:], B[1:], errors=g)
-    coefficients, square, gradient = (
-        (-1.0, 3.0, -3.0, 1.0),
-        rng.uniform(1, 2, nv - 1),
-        rng.normal(size=nv - 1),
-    )
+    coefficients = (-1.0, 3.0, -3.0, 1.0)
+    square, gradient = rng.uniform(1, 2, nv - 1), rng.normal(size=nv - 1)
     normal.add_differences(coefficients, square, np.tile(gradient, (count - SPAN, 1)), 1)
     for k in range(count):
         for r in range(rows):

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.human.anthropometry import BEHIND, MEAN_STATURE, SegmentInertia, check_sex, segment_table
 from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
@@ -270,12 +269,3 @@ def combine(a: Mass, b: Mass) -> Mass:
         arm = part.centre - centre
         inertia = inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return Mass(m, centre, inertia)
-
-
-def subtree(segment: int) -> NDArray[np.bool_]:
-    """Return which segments (n,) are in the subtree of a segment, which includes itself."""
-    inside = np.zeros(len(SEGMENTS), dtype=bool)
-    inside[segment] = True
-    for k in range(segment + 1, len(SEGMENTS)):
-        inside[k] = SEGMENTS[k].parent >= 0 and inside[SEGMENTS[k].parent]
-    return inside

@@ -48,15 +48,10 @@ def nearest_rows(time: Array, at: Array) -> NDArray[np.intp]:
     return np.rint(np.interp(at, time, np.arange(len(time)))).astype(np.intp)
 
 
-def step_rate(down: Bools, time: Array) -> float | None:
-    """Return steps per second, by the median time between touchdowns; None with less than three."""
-    touchdowns = np.sort(time[1:][(down[1:] & ~down[:-1]).any(axis=1)])
-    if len(touchdowns) < 3:
-        return None
-    return 1.0 / float(np.median(np.diff(touchdowns)))
-
-
 def cutoff_by_steps(down: Bools, time: Array) -> float:
-    """Return the cutoff for a human's motion [Hz], by its step rate."""
-    rate = step_rate(down, time)
-    return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFF_RANGE))
+    """Return the cutoff for a human's motion [Hz], by the median time between touchdowns."""
+    touchdowns = time[1:][(down[1:] & ~down[:-1]).any(axis=1)]
+    if len(touchdowns) < 3:
+        return USUAL_CUTOFF
+    rate = 1.0 / float(np.median(np.diff(touchdowns)))
+    return float(np.clip(HARMONICS * rate, *CUTOFF_RANGE))

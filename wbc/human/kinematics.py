@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.human.body import HINGES, SEGMENTS, origin_maps, subtree
+from wbc.human.body import HINGES, SEGMENTS, origin_maps
 from wbc.spatial import skews
 from wbc.validate import Array
 
 ORIGIN_MAPS = origin_maps()
-IN_SUBTREE = np.array([subtree(k) for k in range(len(SEGMENTS))])  # (segments, segments)
+# Whether the second segment moves with the first, or is it (segments, segments).
+IN_SUBTREE = np.eye(len(SEGMENTS), dtype=bool)
+for _k, _segment in enumerate(SEGMENTS[1:], 1):
+    IN_SUBTREE[:, _k] |= IN_SUBTREE[:, _segment.parent]
 HINGE_SEGMENTS = np.array([k for k, s in enumerate(SEGMENTS) for _ in s.hinges])
 BASE_DOFS = 6
 DOFS = BASE_DOFS + len(HINGES)
