@@ -175,7 +175,7 @@ def test_names_are_looked_up_for_the_whole_file_too(file: Path) -> None:
 
 
 def test_forms_are_shown_as_they_are_written(file: Path) -> None:
-    task = "{type: frame, frame: torso, control: orientation, target: {rp: [0, 0, 1]}}"
+    task = "{type: frame, frame: torso, control: orientation, target: {turn: [0, 0, 1]}}"
     message = complaint(file, GOOD.replace("{type: momentum, components: angular}", task))
     assert "expected {rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}," in message
     message = complaint(file, GOOD.replace("posture, target: start", "posture, target: 3"))

@@ -1,8 +1,8 @@
 """Building blocks of problem files: strict sections, numbers, and values with several forms.
 
 A value may have several forms (a weight is a number or a list of them). The form is determined
-before the value is checked, so that messages are about that form; the tags below name the forms.
-They are in parentheses, so that they cannot be mistaken for keys of the file.
+before the value is checked, so that messages are about that form. Its name is in parentheses, so
+that it cannot be mistaken for a key of the file.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field as DataclassField
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin
 
@@ -23,7 +24,6 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     Strict,
-    Tag,
     ValidationInfo,
     create_model,
     model_validator,
@@ -33,8 +33,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 Entry = TypeVar("Entry")
 START_WORD = "start"
 START, WORD, NUMBER, LIST, MATRIX, MAPPING = (
-    Tag(f"({form})") for form in ("start", "word", "number", "list", "matrix", "mapping")
+    f"({form})" for form in ("start", "word", "number", "list", "matrix", "mapping")
 )
+ALIKE = 0.8  # of keys that may be meant: 'position' is not 'motion'
 
 
 class KnownKeys(NamedTuple):
@@ -154,63 +155,73 @@ def default_of(maker: Callable[..., Any], parameter: str) -> Any:
     return inspect.signature(maker).parameters[parameter].default
 
 
-def form_of(value: Any) -> str | None:
-    """Return the tag of the form in which a value is written."""
-    if isinstance(value, str):
-        return START.tag if value == START_WORD else WORD.tag
-    if isinstance(value, bool) or value is None:
-        return None
-    if isinstance(value, int | float):
-        return NUMBER.tag
-    if isinstance(value, Mapping | BaseModel):
-        return MAPPING.tag
-    if not isinstance(value, list | tuple):
-        return None
-    nested = any(isinstance(entry, list | tuple) for entry in value)
-    return MATRIX.tag if nested else LIST.tag
-
-
 @dataclass(frozen=True)
 class Forms:
     """Annotates a union whose member is selected by the form of the value.
 
-    The form of a member follows from its type, unless it is annotated with its own tag.
+    Of several sections a mapping is the one that has most of its keys, or keys like them.
 
     Parameters
     ----------
     expected:
         Names the forms in messages.
-    pick:
-        Returns the tag of the form in which a value is written; None: in none of them.
     """
 
     expected: str
-    pick: Callable[[Any], str | None] = form_of
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        members = {_form(member): member for member in get_args(source)}
         return core_schema.tagged_union_schema(
-            {_tag_of(member): handler.generate_schema(member) for member in get_args(source)},
-            self.pick,
+            {form: handler.generate_schema(member) for form, member in members.items()},
+            lambda value: _form_in(members, value),
             custom_error_type="form",
             custom_error_message=f"expected {self.expected}",
         )
 
 
-def _tag_of(member: Any) -> str:
-    """Return the tag of the form that a member of a union is written in."""
-    kind, *notes = get_args(member) if get_origin(member) is Annotated else (member,)
-    own = [note.tag for note in notes if isinstance(note, Tag)]
-    if own:
-        return own[0]
+def _form(member: Any) -> str:
+    """Return the form that a member of a union is written in; of a section, its name."""
+    kind = get_args(member)[0] if get_origin(member) is Annotated else member
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Literal:
-        return START.tag if parts == (START_WORD,) else WORD.tag
+        return START if parts == (START_WORD,) else WORD
     if origin is tuple:
         entry = get_args(parts[0])[0] if get_origin(parts[0]) is Annotated else parts[0]
-        return MATRIX.tag if get_origin(entry) is tuple else LIST.tag
-    return {str: WORD.tag, float: NUMBER.tag, int: NUMBER.tag}.get(kind, MAPPING.tag)
+        return MATRIX if get_origin(entry) is tuple else LIST
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return f"({kind.__name__})"
+    return {str: WORD, float: NUMBER, int: NUMBER}.get(kind, MAPPING)
+
+
+def _form_in(members: Mapping[str, Any], value: Any) -> str | None:
+    """Return the form in which a value is written; None: in none of these."""
+    if isinstance(value, str):
+        return START if value == START_WORD and START in members else WORD
+    if isinstance(value, Mapping | BaseModel):
+        return _mapping_in(members, value)
+    if isinstance(value, list | tuple):
+        nested = any(isinstance(entry, list | tuple) for entry in value)
+        return MATRIX if nested else LIST
+    return NUMBER if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _mapping_in(members: Mapping[str, Any], value: Mapping[str, Any] | BaseModel) -> str | None:
+    keys = type(value).model_fields if isinstance(value, BaseModel) else value
+    known = {
+        form: getattr(member, "model_fields", ())
+        for form, member in members.items()
+        if form not in (START, WORD, NUMBER, LIST, MATRIX)
+    }
+    if len(known) == 1:
+        return next(iter(known))
+    hits = {
+        form: sum(bool(get_close_matches(str(key), here, 1, ALIKE)) for key in keys)
+        for form, here in known.items()
+    }
+    nearest = max(hits, key=lambda form: hits[form], default=None)
+    return nearest if nearest and hits[nearest] else MAPPING
 
 
 def _distinct(entries: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,16 +5,14 @@ Each is a form of the file and a function from it to numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, Tag
+from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    START,
     Distinct,
     Forms,
     ListOf,
@@ -27,7 +25,6 @@ from wbc.problem.section import (
     Quaternion,
     Section,
     Words,
-    form_of,
 )
 from wbc.rotations import rotation_from
 from wbc.tasks.point import AXES
@@ -80,13 +77,7 @@ class FromMotion(Section):
     """How far inside the soles the CoM is led to keep the CoP [m]; left out: it is not."""
 
 
-ALIKE = 0.8  # of keys that may be meant: 'position' is not 'motion'
 Followed = FromPlan | FromMotion
-PLAN, MOTION = Tag("(plan)"), Tag("(motion)")
-PlanForm = Annotated[FromPlan, PLAN]
-MotionForm = Annotated[FromMotion, MOTION]
-
-LOOP = Tag("(loop)")
 
 
 class LoopTarget(Section):
@@ -100,28 +91,6 @@ class LoopTarget(Section):
     """How often it is gone round."""
     period: Positive
     """Mean time for a round [s]."""
-
-
-def form_with_plan(value: object) -> str | None:
-    """Return the tag of the form of a target that may come from a plan or a motion."""
-    if isinstance(value, FromPlan):
-        return PLAN.tag
-    if isinstance(value, FromMotion):
-        return MOTION.tag
-    if isinstance(value, Mapping) and not isinstance(value, BaseModel):
-        words = ("plan", "begins", "motion")
-        near = [get_close_matches(str(key), words, n=1, cutoff=ALIKE) for key in value]
-        if ["motion"] in near:
-            return MOTION.tag
-        if any(near):
-            return PLAN.tag
-    return form_of(value)
-
-
-def form_with_motion(value: object) -> str | None:
-    """Return the tag of the form of a target that may come from a motion."""
-    form = form_with_plan(value)
-    return form_of(value) if form == PLAN.tag else form
 
 
 def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
@@ -168,37 +137,10 @@ class QuaternionTarget(Section):
     """Quaternion (x, y, z, w); it is normalised."""
 
 
-def _rotation_form(value: object) -> str | None:
-    if value == "start":
-        return START.tag
-    keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
-    return next((f"({key})" for key in ("rpy", "quaternion") if key in keys), None)
-
-
-RotationTarget = Annotated[
-    Annotated[Rpy, Tag("(rpy)")] | Annotated[QuaternionTarget, Tag("(quaternion)")] | Start,
-    Forms(
-        pick=_rotation_form,
-        expected="{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, or start",
-    ),
-]
-
-
-def _turn_form(value: object) -> str | None:
-    form = form_with_motion(value)
-    return form if form == MOTION.tag else _rotation_form(value)
-
-
+_ROTATIONS = "{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]},"
+RotationTarget = Annotated[Rpy | QuaternionTarget | Start, Forms(f"{_ROTATIONS} or start")]
 TurnTarget = Annotated[
-    Annotated[Rpy, Tag("(rpy)")]
-    | Annotated[QuaternionTarget, Tag("(quaternion)")]
-    | MotionForm
-    | Start,
-    Forms(
-        pick=_turn_form,
-        expected="{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, {motion: file},"
-        " or start",
-    ),
+    Rpy | QuaternionTarget | FromMotion | Start, Forms(f"{_ROTATIONS} {{motion: file}}, or start")
 ]
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from difflib import get_close_matches
+from collections.abc import Callable
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Tag
 
 from wbc.controllers import Controller
 from wbc.errors import UnknownNameError
@@ -15,7 +13,6 @@ from wbc.gait.capture_gain import CaptureGain
 from wbc.laws import AccelerationLaw
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    MAPPING,
     Forms,
     Name,
     Names,
@@ -26,16 +23,7 @@ from wbc.problem.section import (
     Weight,
     default_of,
 )
-from wbc.problem.targets import (
-    Axes,
-    Followed,
-    MotionForm,
-    Offset,
-    PlanForm,
-    Start,
-    form_with_plan,
-    point,
-)
+from wbc.problem.targets import Axes, Followed, FromMotion, FromPlan, Offset, Start, point
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.robot.feet import NO_FEET
@@ -43,7 +31,6 @@ from wbc.run.ramps import VECTORS, TargetedTask, UpdateLaw
 from wbc.tasks import ComTask
 from wbc.validate import Array
 
-OVER = Tag("(over)")
 DOUBLE = ("left", "right")
 
 
@@ -57,23 +44,11 @@ class Over(Section):
     """Height above the ground [m]; unchanged if left out."""
 
 
-def _form(value: object) -> str | None:
-    """Choose the mapping by the key that is most similar to the first one given."""
-    form = form_with_plan(value)
-    if isinstance(value, BaseModel):
-        return OVER.tag if isinstance(value, Over) else form
-    if form != MAPPING.tag or not isinstance(value, Mapping):
-        return form
-    near = [get_close_matches(str(key), ("offset", "over", "height"), n=1) for key in value]
-    return MAPPING.tag if ["offset"] in near or not any(near) else OVER.tag
-
-
 ComTarget = Annotated[
-    Point | Offset | Annotated[Over, OVER] | PlanForm | MotionForm | Start,
+    Point | Offset | Over | FromPlan | FromMotion | Start,
     Forms(
-        pick=_form,
-        expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file},"
-        " {motion: file}, or start",
+        "[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file}, {motion: file}, or"
+        " start"
     ),
 ]
 

@@ -21,7 +21,7 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import Followed, MotionForm, PlanForm, entries, form_with_plan
+from wbc.problem.targets import Followed, FromMotion, FromPlan, entries
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask, force_target, without_target
@@ -30,11 +30,8 @@ from wbc.tasks.force_task import WRENCH
 from wbc.validate import Array
 
 CopTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=2, max_length=3)] | PlanForm | MotionForm,
-    Forms(
-        pick=form_with_plan,
-        expected="[x, y] or [x, y, z] in metres, {plan: file}, or {motion: file}",
-    ),
+    Annotated[ListOf[Number], Field(min_length=2, max_length=3)] | FromPlan | FromMotion,
+    Forms("[x, y] or [x, y, z] in metres, {plan: file}, or {motion: file}"),
 ]
 Torques = Annotated[
     Number | NonEmpty[Number] | dict[Name, Number],

@@ -24,7 +24,7 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import Followed, MotionForm, PlanForm, Start, form_with_plan
+from wbc.problem.targets import Followed, FromMotion, FromPlan, Start
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.robot.names import COM, WORLD
@@ -62,14 +62,13 @@ InertiaTarget = Annotated[
     | Annotated[ListOf[Number], Field(min_length=3, max_length=6)]
     | Three[Point]
     | Scale
-    | PlanForm
-    | MotionForm
+    | FromPlan
+    | FromMotion
     | Start,
     Forms(
-        pick=form_with_plan,
-        expected="numbers in kg m^2 (three diagonal entries or principal "
-        "moments, six entries xx xy xz yy yz zz, a 3x3 matrix, or one number for the trace), "
-        "{scale: factor}, {plan: file}, {motion: file}, or start",
+        "numbers in kg m^2 (three diagonal entries or principal moments, six entries xx xy xz yy"
+        " yz zz, a 3x3 matrix, or one number for the trace), {scale: factor}, {plan: file},"
+        " {motion: file}, or start"
     ),
 ]
 

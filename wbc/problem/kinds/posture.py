@@ -10,29 +10,19 @@ from pydantic import Field
 
 from wbc.flight.rounds import Rounds
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
-from wbc.problem.targets import LOOP, FromMotion, LoopTarget, MotionForm, form_with_motion
+from wbc.problem.section import Forms, Name, NonNegative, Number
+from wbc.problem.targets import FromMotion, LoopTarget
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.run.ramps import TargetedTask, configuration_space, fixed_goal
 from wbc.tasks import PostureTask
 from wbc.validate import Array
 
-
-def _form(value: object) -> str | None:
-    if isinstance(value, LoopTarget) or (isinstance(value, Mapping) and "loop" in value):
-        return LOOP.tag
-    return WORD.tag if isinstance(value, str) else form_with_motion(value)
-
-
 # "start" is a word like the names of postures: as a form of its own it would match twice in the
 # JSON Schema.
 PostureTarget = Annotated[
-    dict[Name, Number] | Annotated[LoopTarget, LOOP] | MotionForm | Name,
-    Forms(
-        pick=_form,
-        expected="the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start",
-    ),
+    dict[Name, Number] | LoopTarget | FromMotion | Name,
+    Forms("the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start"),
 ]
 
 

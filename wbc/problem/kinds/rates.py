@@ -19,7 +19,7 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import Followed, MotionForm, PlanForm, entries, form_with_plan
+from wbc.problem.targets import Followed, FromMotion, FromPlan, entries
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, without_target
@@ -36,8 +36,8 @@ Components = Annotated[
     Forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
 ]
 MomentumTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=1, max_length=6)] | PlanForm | MotionForm,
-    Forms(pick=form_with_plan, expected="a list of numbers, {plan: file}, or {motion: file}"),
+    Annotated[ListOf[Number], Field(min_length=1, max_length=6)] | FromPlan | FromMotion,
+    Forms("a list of numbers, {plan: file}, or {motion: file}"),
 ]
 
 

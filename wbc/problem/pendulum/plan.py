@@ -8,12 +8,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, Tag
+from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
 from wbc.problem.section import (
-    MAPPING,
     Components,
     Forms,
     KeysOf,
@@ -25,7 +24,6 @@ from wbc.problem.section import (
     Section,
     Size,
     Two,
-    form_of,
 )
 from wbc.problem.targets import Offset
 from wbc.rmp.ground import centroidal_moment_pivot
@@ -96,23 +94,11 @@ class SolesSpec(Section):
     """How far inside their edge the CoP stays [m]: the reserve for correcting errors."""
 
 
-def _support_form(value: Any) -> str | None:
-    form = form_of(value)
-    if form != MAPPING.tag:
-        return form
-    return next((f"({key})" for key in ("hull", "soles") if key in dict(value)), form)
-
-
 _Support = Annotated[
-    Literal["flight"]
-    | NonEmpty[Pair]
-    | RectangleSpec
-    | Annotated[HullSpec, Tag("(hull)")]
-    | Annotated[SolesSpec, Tag("(soles)")],
+    Literal["flight"] | NonEmpty[Pair] | RectangleSpec | HullSpec | SolesSpec,
     Forms(
-        pick=_support_form,
-        expected="flight, corners [[x, y], ...] anticlockwise, "
-        "{at: [x, y], size: [length, width]}, {hull: [...]} of several, or {soles: double}",
+        "flight, corners [[x, y], ...] anticlockwise, {at: [x, y], size: [length, width]},"
+        " {hull: [...]} of several, or {soles: double}"
     ),
 ]
 
