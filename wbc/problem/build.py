@@ -127,8 +127,7 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
     mistakes.raise_any()
     for key, there in (("gait", isinstance(spec, WalkSpec)), ("phases", bool(spec.phases))):
         if spec.hands is not None and there:
-            with mistakes.at("hands"):
-                raise InvalidInputError(f"is for a robot that stands, and there are {key}")
+            mistakes.note(("hands",), f"is for a robot that stands, and there are {key}")
     if isinstance(spec, WalkSpec):
         duration = spec.whole_stop.duration
         spec.gait.check(start, parts.limits, duration, spec.ground_height, mistakes)
@@ -195,82 +194,52 @@ def _check_contact_frames(
         used = [k for k, phase in enumerate(phases) if phase.changes[name].weight is not None]
         known = set[str]().union(*(held[k] for k in used))
         for frame in task.contact_frames if used else ():
-            with mistakes.at("tasks", name):
-                if frame not in known:
-                    held_then = ", ".join(sorted(known)) or "nothing"
-                    remedy = f"the support never holds it while the task is on (held: {held_then})"
-                    raise UnknownNameError("contact", frame, known, remedy)
+            if frame not in known:
+                held_then = ", ".join(sorted(known)) or "nothing"
+                remedy = f"the support never holds it while the task is on (held: {held_then})"
+                error = UnknownNameError("contact", frame, known, remedy)
+                mistakes.note(("tasks", name), error)
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
     for name in spec.stop.accept:
-        with mistakes.at("stop", "accept", name):
-            if name not in spec.tasks:
-                raise UnknownNameError("task", name, spec.tasks)
-    stop = spec.whole_stop
-    where: tuple[str, ...] = ("phases",)
-    if spec.phases is None:
-        where = (spec.timed_by, "duration")
-    ticks = stop.duration / spec.controller.dt
-    with mistakes.at(*where):
-        if ticks > MAX_TICKS:
-            raise InvalidInputError(
-                f"{stop.duration:g} s at a time step of {spec.controller.dt:g} s are "
-                f"{ticks:.3g} ticks; at most {MAX_TICKS:,} are possible"
-            )
-    if spec.phases is None:
-        _check_ramps(spec, mistakes)
-    else:
-        _check_no_times(spec, mistakes)
-    _check_simulation(spec, mistakes)
-    walks = isinstance(spec, WalkSpec)
-    if spec.phases is None and not walks and not any(one.active for one in spec.tasks.values()):
-        with mistakes.at("tasks"):
-            raise InvalidInputError("no task is active; there is nothing to do")
+        if name not in spec.tasks:
+            mistakes.note(("stop", "accept", name), UnknownNameError("task", name, spec.tasks))
+    _check_times(spec, mistakes)
+    if spec.controller.level != TORQUE and "simulation" in spec.model_fields_set:
+        mistakes.note(("simulation",), f"belongs to the torque level; {REMEDY[TORQUE]}")
+    still = spec.phases is None and not isinstance(spec, WalkSpec)
+    if still and not any(one.active for one in spec.tasks.values()):
+        mistakes.note(("tasks",), "no task is active; there is nothing to do")
 
 
-def _check_ramps(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    for name, ramp in _ramps(spec):
-        with mistakes.at("tasks", name, "ramp"):
-            if ramp > spec.whole_stop.duration:
-                raise InvalidInputError(
-                    f"{ramp:g} s is longer than the run ({spec.timed_by}.duration,"
-                    f" {spec.whole_stop.duration:g} s)"
-                )
-
-
-def _check_simulation(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Refuse a simulation at the velocity level, and two durations of it."""
-    if spec.controller.level != TORQUE:
-        if "simulation" in spec.model_fields_set:
-            with mistakes.at("simulation"):
-                raise InvalidInputError(f"belongs to the torque level; {REMEDY[TORQUE]}")
-        return
-    for key in sorted(spec.stop.model_fields_set & {"duration", "speed"}):
-        if spec.phases is None:
-            with mistakes.at("stop", key):
-                raise InvalidInputError(
-                    "belongs to the velocity level; a simulation lasts for simulation.duration"
-                )
-    if spec.phases is not None and "duration" in spec.simulation.model_fields_set:
-        with mistakes.at("simulation", "duration"):
-            raise InvalidInputError("a run with phases ends after the last; leave this out")
-
-
-def _check_no_times(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Refuse durations of the run and of its targets where phases define them."""
-    for key in sorted(spec.stop.model_fields_set & {"duration", "speed"}):
-        with mistakes.at("stop", key):
-            raise InvalidInputError("a run with phases ends after the last; leave this out")
-    for name, _ in _ramps(spec):
-        with mistakes.at("tasks", name, "ramp"):
-            raise InvalidInputError(
+def _check_times(spec: ProblemSpec, mistakes: Mistakes) -> None:
+    """Note runs and ramps that are too long, and times that something else defines."""
+    duration, dt = spec.whole_stop.duration, spec.controller.dt
+    timed = ("phases",) if spec.phases is not None else (spec.timed_by, "duration")
+    if duration / dt > MAX_TICKS:
+        mistakes.note(
+            timed,
+            f"{duration:g} s at a time step of {dt:g} s are {duration / dt:.3g} ticks; at most"
+            f" {MAX_TICKS:,} are possible",
+        )
+    elsewhere, text = spec.stop.model_fields_set & {"duration", "speed"}, ""
+    if spec.phases is not None:
+        text = "a run with phases ends after the last; leave this out"
+        if "duration" in spec.simulation.model_fields_set:
+            mistakes.note(("simulation", "duration"), text)
+    elif spec.controller.level == TORQUE:
+        text = "belongs to the velocity level; a simulation lasts for simulation.duration"
+    for key in sorted(elsewhere) if text else ():
+        mistakes.note(("stop", key), text)
+    for name, task in spec.tasks.items():
+        ramp = getattr(task, "ramp", None)
+        if ramp is not None and spec.phases is not None:
+            mistakes.note(
+                ("tasks", name, "ramp"),
                 "with phases a target begins where this section says and moves in the phases that "
-                "give it another; leave this out"
+                "give it another; leave this out",
             )
-
-
-def _ramps(spec: ProblemSpec) -> list[tuple[str, float]]:
-    tasks = spec.tasks.items()
-    ramps = [(name, getattr(task, "ramp", None)) for name, task in tasks]
-    return [(name, ramp) for name, ramp in ramps if ramp is not None]
+        elif ramp is not None and ramp > duration:
+            run = f"{spec.timed_by}.duration, {duration:g} s"
+            mistakes.note(("tasks", name, "ramp"), f"{ramp:g} s is longer than the run ({run})")

@@ -21,35 +21,32 @@ if TYPE_CHECKING:
 def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
     """Note what a search over postures does not support: everything about time or velocity."""
     if spec.phases is not None:
-        with mistakes.at("phases"):
-            raise InvalidInputError(
-                "method global looks for one posture and moves there; leave the phases out, or "
-                "give another controller.method"
-            )
+        mistakes.note(
+            ("phases",),
+            "method global looks for one posture and moves there; leave the phases out, or "
+            "give another controller.method",
+        )
     for name, constraint in spec.constraints.items():
         for mistake in constraint.not_in_search():
             mistakes.note(("constraints", name), mistake)
     used = {name: task for name, task in spec.tasks.items() if task.active}
     level = next((task.priority for task in used.values()), 0)
     for name, task in used.items():
-        with mistakes.at("tasks", name, "type"):
-            if task.no_posture:
-                raise InvalidInputError(
-                    f"method global: {task.no_posture}; "
-                    "give active: false, or another controller.method"
-                )
-        with mistakes.at("tasks", name, "priority"):
-            if task.priority != level:
-                raise InvalidInputError(
-                    "method global weighs tasks against each other within one level; "
-                    f"give all tasks the same priority ({next(iter(used))!r} has {level})"
-                )
-        with mistakes.at("tasks", name, "ramp"):
-            if getattr(task, "ramp", None) is not None:
-                raise InvalidInputError(
-                    "method global looks for the posture that meets the target itself, and sets "
-                    "its own pace on the way there; leave this out"
-                )
+        if task.no_posture:
+            remedy = "give active: false, or another controller.method"
+            mistakes.note(("tasks", name, "type"), f"method global: {task.no_posture}; {remedy}")
+        if task.priority != level:
+            mistakes.note(
+                ("tasks", name, "priority"),
+                "method global weighs tasks against each other within one level; "
+                f"give all tasks the same priority ({next(iter(used))!r} has {level})",
+            )
+        if getattr(task, "ramp", None) is not None:
+            mistakes.note(
+                ("tasks", name, "ramp"),
+                "method global looks for the posture that meets the target itself, and sets "
+                "its own pace on the way there; leave this out",
+            )
 
 
 def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> GlobalShaping:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.mistakes import Mistakes
 from wbc.problem.section import Section
 from wbc.problem.source import KeyPath
 from wbc.problem.spec import ProblemSpec
@@ -24,24 +24,20 @@ REMEDY = {
     TORQUE: "give controller: {level: torque}, or leave it out",
 }
 
-LEVEL = {
-    VELOCITY: "give controller: {level: velocity}, or leave the task out",
-    TORQUE: "give controller: {level: torque}, or leave the task out",
-}
-
 
 def check_level(spec: ProblemSpec, mistakes: Mistakes) -> None:
     """Note the tasks and keys that have no effect at a problem's level."""
     other = VELOCITY if spec.controller.level == TORQUE else TORQUE
     for name, task in spec.tasks.items():
         if task.level == other:
-            with mistakes.at("tasks", name):
-                raise Misplaced(f"{task.type} belongs to the {other} level; {LEVEL[other]}", "type")
+            text = f"give controller: {{level: {other}}}, or leave the task out"
+            mistakes.note(
+                ("tasks", name, "type"), f"{task.type} belongs to the {other} level; {text}"
+            )
     for path, section in _sections(spec):
         keys = (CONTACT_KEYS if isinstance(section, ContactSpec) else TASK_KEYS)[other]
         for key in sorted(section.model_fields_set & set(keys)):
-            with mistakes.at(*path):
-                raise Misplaced(f"belongs to the {other} level; {REMEDY[other]}", key)
+            mistakes.note((*path, key), f"belongs to the {other} level; {REMEDY[other]}")
 
 
 def _sections(spec: ProblemSpec) -> Iterator[tuple[KeyPath, Section]]:

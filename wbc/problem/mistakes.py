@@ -72,11 +72,11 @@ class Mistakes:
 
     def fail(self, path: KeyPath, text: str) -> NoReturn:
         """Raise ProblemFileError, with a last mistake at ``path``."""
-        self.note(path, ProblemFileError(text))
+        self.note(path, text)
         raise self._error()
 
-    def note(self, path: KeyPath, error: WbcError) -> None:
-        """Note a mistake; an unknown name is searched at and below ``path``."""
+    def note(self, path: KeyPath, error: WbcError | str) -> None:
+        """Note a mistake, or its text; an unknown name is searched at and below ``path``."""
         if isinstance(error, Misplaced):
             path = (*path, *error.below)
         elif isinstance(error, UnknownNameError):

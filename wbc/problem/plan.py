@@ -77,14 +77,12 @@ class _Planner:
 
     def phase(self, name: str, spec: PhaseSpec) -> Phase:
         """Return the next phase."""
-        with self._mistakes.at("phases", name, "duration"):
-            if spec.duration < self._dt:
-                raise InvalidInputError(
-                    f"{spec.duration:g} s is shorter than the time step ({self._dt:g} s)"
-                )
-        with self._mistakes.at("phases", name, "ramp"):
-            if spec.ramp is not None and spec.ramp > spec.duration:
-                raise InvalidInputError(f"{spec.ramp:g} s is longer than the phase")
+        if spec.duration < self._dt:
+            text = f"{spec.duration:g} s is shorter than the time step ({self._dt:g} s)"
+            self._mistakes.note(("phases", name, "duration"), text)
+        if spec.ramp is not None and spec.ramp > spec.duration:
+            text = f"{spec.ramp:g} s is longer than the phase"
+            self._mistakes.note(("phases", name, "ramp"), text)
         before, contacts = self._contacts, self._phase_contacts(name, spec)
         was_active = dict(self._active)
         given: dict[str, TargetedTask] = {}
@@ -159,7 +157,7 @@ class _Planner:
             return type(spec).model_validate(data, context=keys)
         except ValidationError as error:
             for place, text in complaints(error, self._mistakes.source, keys, path):
-                self._mistakes.note(place, InvalidInputError(text))
+                self._mistakes.note(place, text)
         return None
 
     def _check_held(self, name: str, spec: PhaseSpec, contacts: tuple[Contact, ...]) -> None:
@@ -170,11 +168,10 @@ class _Planner:
             joint = self._moving_joint(task)
             if active and joint in held:
                 below = ("tasks", task) if task in spec.tasks else ()
-                with self._mistakes.at("phases", name, *below):
-                    raise _held_frame_error(task, frames[joint])
+                self._mistakes.note(("phases", name, *below), _held_frame(task, frames[joint]))
         if self._active and not any(self._active.values()):
-            with self._mistakes.at("phases", name):
-                raise InvalidInputError("no task is active; there is nothing to do")
+            text = "no task is active; there is nothing to do"
+            self._mistakes.note(("phases", name), text)
 
     def _outcome(
         self,
@@ -216,11 +213,11 @@ def _check_start_tasks(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -
             if not task.active or task.moved_frame is None:
                 continue
             if carrier(start.robot, task.moved_frame) in held:
-                raise _held_frame_error(name, task.moved_frame)
+                raise InvalidInputError(_held_frame(name, task.moved_frame))
 
 
-def _held_frame_error(task: str, frame: str) -> InvalidInputError:
-    return InvalidInputError(
+def _held_frame(task: str, frame: str) -> str:
+    return (
         f"task {task!r} moves what the support holds ({frame}); give active: false, or let go of it"
     )
 

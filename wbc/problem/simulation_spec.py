@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wbc.errors import InvalidInputError
 from wbc.estimation import StateEstimator
 from wbc.gait.walls import Hand
 from wbc.problem.devices_spec import DevicesSpec, Seed
@@ -277,14 +276,13 @@ class SimulationSpec(Section):
         for key, time in whole.items():
             place = ("controller", key) if key == "dt" else ("simulation", "sensors", key)
             steps = time / self.physics_dt
-            with mistakes.at(*place):
-                if abs(steps - round(steps)) > STEP_TOLERANCE or (key == "dt" and round(steps) < 1):
-                    raise Misplaced(
-                        f"{time:g} s is no multiple of simulation.physics_dt ({self.physics_dt:g})"
-                    )
-        with mistakes.at("simulation", "start"):
-            if start.robot.fixed_base and self.start.model_fields_set:
-                raise InvalidInputError("the robot is bolted to the world; leave this out")
+            if abs(steps - round(steps)) > STEP_TOLERANCE or (key == "dt" and round(steps) < 1):
+                step = f"simulation.physics_dt ({self.physics_dt:g})"
+                mistakes.note(place, f"{time:g} s is no multiple of {step}")
+        if start.robot.fixed_base and self.start.model_fields_set:
+            mistakes.note(
+                ("simulation", "start"), "the robot is bolted to the world; leave this out"
+            )
         for key, make in (("sensors", Sensors), ("model_error", ModelMismatch)):
             with mistakes.at("simulation", key):
                 make(**getattr(self, key))
@@ -312,8 +310,7 @@ class SimulationSpec(Section):
         """Note devices that are impossible, or have no effect."""
         if not self.estimate:
             if self.devices.model_fields_set:
-                with mistakes.at("simulation", "devices"):
-                    raise InvalidInputError("nothing is estimated; add estimate: true")
+                mistakes.note(("simulation", "devices"), "nothing is estimated; add estimate: true")
             return
         with mistakes.at("simulation", "devices"):
             devices = self.devices.made()
@@ -321,15 +318,12 @@ class SimulationSpec(Section):
             StateEstimator(start.robot, mounts, self.devices.settings(), dt=dt)
             for one in devices.imus:
                 one.period(dt)
-        with mistakes.at("simulation", "sensors"):
-            unused = sorted(set(self.sensors) - {"latency", "seed"})
-            if unused:
-                raise Misplaced("adds to the true state, which is estimated here", unused[0])
-        with mistakes.at("simulation", "start"):
-            if np.any((*self.start.velocity, *self.start.angular_velocity)) or self.start.height:
-                raise InvalidInputError(
-                    "a robot whose state is estimated begins at rest: leave out"
-                )
+        for key in sorted(set(self.sensors) - {"latency", "seed"}):
+            text = "adds to the true state, which is estimated here"
+            mistakes.note(("simulation", "sensors", key), text)
+        if np.any((*self.start.velocity, *self.start.angular_velocity)) or self.start.height:
+            text = "a robot whose state is estimated begins at rest: leave out"
+            mistakes.note(("simulation", "start"), text)
 
     def plant(
         self, start: Snapshot, feet: Sequence[str], dt: float, hands: Sequence[Hand] = ()

@@ -139,13 +139,12 @@ class GaitSpec(Section):
             WalkingWeights(**self.weights)
         last = -1.0
         for k, command in enumerate(self.commands):
-            with mistakes.at("gait", "commands", k):
-                if command.at <= last:
-                    raise Misplaced(f"comes after the one at {last:g} s; order them by time", "at")
-                if command.at >= duration:
-                    raise Misplaced(
-                        f"is given after the end of the simulation ({duration:g} s)", "at"
-                    )
+            if command.at <= last:
+                text = f"comes after the one at {last:g} s; order them by time"
+                mistakes.note(("gait", "commands", k, "at"), text)
+            elif command.at >= duration:
+                text = f"is given after the end of the simulation ({duration:g} s)"
+                mistakes.note(("gait", "commands", k, "at"), text)
             last = command.at
 
     def _check_footsteps(
@@ -155,7 +154,7 @@ class GaitSpec(Section):
         given = [one.footstep for one in self.footsteps]
         world = in_world(given, feet) if self.relative else given
         for number, key, text in able.complaints(world, feet, ground=ground):
-            mistakes.note(("gait", "footsteps", number), Misplaced(text, key))
+            mistakes.note(("gait", "footsteps", number, key), text)
 
 
 class WalkSpec(ProblemSpec):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wbc.problem.mistakes import Misplaced, Mistakes, read_section
+from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.pendulum.plan import Planning
 from wbc.problem.pendulum.result import PendulumResult
 from wbc.problem.pendulum.simulation import Balance, build_balance
@@ -89,7 +89,7 @@ def _build(spec: PendulumSpec, folder: Path, mistakes: Mistakes) -> Balance | Pl
         mistakes.fail((), "give law (to simulate) or plan, and only one of them")
     for key in ("start", "bounds", "pushes", "plant", "stop"):
         if key in spec.model_fields_set:
-            mistakes.note((key,), Misplaced("belongs to a law; a plan has its own, under plan:"))
+            mistakes.note((key,), "belongs to a law; a plan has its own, under plan:")
     mistakes.raise_any()
     return spec.plan.build(pendulum, mistakes, robot)
 
@@ -110,7 +110,7 @@ def _robot(
         mistakes.fail(("robot",), "belongs to a plan of model rmp_solid; leave this out")
     for key in ("mass", "gravity"):
         if key in spec.model_fields_set:
-            mistakes.note((key,), Misplaced("is that of the robot; leave this out"))
+            mistakes.note((key,), "is that of the robot; leave this out")
     given = RobotSpec(model=choice) if isinstance(choice, str) else choice
     robot = mistakes.require(("robot",), lambda: given.load(folder))
     q = mistakes.require(("posture",), lambda: robot.posture(spec.posture))

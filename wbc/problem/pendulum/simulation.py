@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.mistakes import Mistakes
 from wbc.problem.pendulum.laws import LawChoice, LawSpec, Setting
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
 from wbc.problem.pendulum.spec import PendulumSpec, PendulumStopSpec
@@ -116,7 +116,7 @@ def build_balance(
     law: BalanceLaw = mistakes.require(("law",), lambda: law_spec.build(setting))
     stop, accept = spec.stop, spec.stop.accept
     if accept.spin is not None and "spin" not in law_spec.measures(law, v):
-        mistakes.note(("stop", "accept", "spin"), Misplaced("only a law of type spin has this"))
+        mistakes.note(("stop", "accept", "spin"), "only a law of type spin has this")
     steps = mistakes.require(("stop",), partial(whole_steps, stop.duration, stop.dt))
     pushes = list[Blow]()
     for k, push in enumerate(spec.pushes):
