@@ -79,7 +79,7 @@ def test_files_of_all_layouts_and_what_came_of_it(walk: Path, monkeypatch) -> No
     assert found.exit_code == 0, found.output
     for said in ("scale", "left foot", "angular momentum: correlation", "slide by"):
         assert said in found.output
-    assert all(f"wrote {file}" in found.output and Path(file).stat().st_size for file in files)
+    assert all(f"written  {file}" in found.output and Path(file).stat().st_size for file in files)
     with np.load("m.npz") as arrays:
         assert np.isfinite(arrays["q"]).all() and len(arrays["q"]) == len(arrays["time"])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from wbc.cli.errors import print_notes
 from wbc.cli.options import Plot, Quiet
 
 if TYPE_CHECKING:
+    from wbc.human import HumanMotion
     from wbc.motion import RmpSeries
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
@@ -109,8 +110,7 @@ def analyze(
     unit: human_options.Unit = None,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
-    from wbc.cli.analyze_human import analyze_human, is_human
-    from wbc.cli.analyze_report import print_analysis
+    from wbc.cli.analyze_human import is_human
     from wbc.cli.outputs import Outputs
     from wbc.cli.progress import shown_progress
     from wbc.motion import analyze, read_motion
@@ -120,56 +120,42 @@ def analyze(
     low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
     _check_outputs(motion, output or [], plot, snapshot_times)
     options = human_options.HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
-    human = is_human(motion, robot, options)
-    if human or robot is None:
+    human: HumanMotion | None = None
+    how: dict[str, Any]
+    if is_human(motion, robot, options):
         _refuse_robot_options(context)
-        code = analyze_human(
+        human = options.motion(motion, ground, longest_gap=longest_gap)
+        recording, how = human.motion, {"ground_height": human.ground_height, "noise": human.noise}
+        how["cutoff"] = human.cutoff if cutoff is None else low_pass
+    else:
+        loaded = Robot.load(robot)
+        if not quiet:
+            print_notes(loaded)
+        recording = read_motion(
             motion,
-            options,
-            cutoff=None if cutoff is None else (low_pass,),
-            ground=ground,
-            rate=resample,
-            noise=noise is not NoiseOption.NONE,
-            feet=_feet(feet),
+            loaded,
+            rate=rate,
+            degrees=degrees,
+            missing=missing.value if missing else None,
+            ignore=ignore or (),
+            beyond=beyond,
+            fill=fill,
             longest_gap=longest_gap,
-            output=output or [],
-            plot=plot,
-            snapshots=snapshot_times,
-            quiet=quiet,
         )
-        raise typer.Exit(code)
-    loaded = Robot.load(robot)
-    if not quiet:
-        print_notes(loaded)
-    recording = read_motion(
-        motion,
-        loaded,
-        rate=rate,
-        degrees=degrees,
-        missing=missing.value if missing else None,
-        ignore=ignore or (),
-        beyond=beyond,
-        fill=fill,
-        longest_gap=longest_gap,
-    )
+        how = {"ground_height": ground or 0.0, "noise": noise.value, "cutoff": low_pass}
+    if noise is NoiseOption.NONE:
+        how["noise"] = None
     with shown_progress(quiet) as progress:
         series = analyze(
-            recording,
-            rate=resample,
-            cutoff=low_pass,
-            planted=planted,
-            feet=_feet(feet),
-            ground_height=0.0 if ground is None else ground,
-            noise=None if noise is NoiseOption.NONE else noise.value,
-            progress=progress,
+            recording, rate=resample, planted=planted, feet=_feet(feet), **how, progress=progress
         )
     outputs = Outputs()
     for path in output or []:
         outputs.save(path, series.save)
     if plot is not None:
-        outputs.draw(plot, lambda picture: _draw(series, picture, snapshot_times))
+        outputs.draw(plot, lambda picture: _draw(series, human, picture, snapshot_times))
     if not quiet:
-        print_analysis(series, outputs.written)
+        _print(series, human, outputs.written)
     raise typer.Exit(outputs.exit_code())
 
 
@@ -236,12 +222,35 @@ def _check_outputs(
         raise InvalidInputError("--snapshots: are of the picture; name it with --plot")
 
 
-def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
+def _draw(
+    series: RmpSeries, human: HumanMotion | None, path: Path, snapshots: int | list[float]
+) -> None:
+    from wbc.cli.analyze_human import beside_plates
     from wbc.files import as_text
     from wbc.view.analysis import analysis_figure
+    from wbc.view.human import human_figure
     from wbc.view.style import literal, save
 
     name = literal(as_text(Path(series.source).name))
-    title = f"{name}: {series.robot.name}, {series.robot.mass:.1f} kg"
-    title += "; forces as measured" if series.measured else ""
-    save(analysis_figure(series, title=title, snapshots=snapshots), path)
+    if human is None:
+        title = f"{name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+        title += "; forces as measured" if series.measured else ""
+        figure = analysis_figure(series, title=title, snapshots=snapshots)
+    else:
+        title = f"{name}: a human of {human.body.stature:.2f} m and {human.body.mass:.1f} kg"
+        plates = beside_plates(series, human)
+        figure = human_figure(series, plates, title=title, snapshots=snapshots)
+    save(figure, path)
+
+
+def _print(series: RmpSeries, human: HumanMotion | None, written: list[Path]) -> None:
+    from wbc.cli.analyze_human import beside_plates, print_human, print_plates
+    from wbc.cli.analyze_report import print_analysis
+    from wbc.cli.printing import print_written
+
+    if human is not None:
+        print_human(human)
+    print_analysis(series, human is not None)
+    if human is not None and human.recording.plates:
+        print_plates(beside_plates(series, human))
+    print_written(written, 9)

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.printing import heads, print_written
+from wbc.cli.printing import heads, print_line
 from wbc.motion import RmpSeries
 from wbc.motion.uncertainty import BAND
 from wbc.rmp.axes import Bools
@@ -19,8 +19,8 @@ SHOWN_DROPOUTS = 10
 NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"
 
 
-def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) -> None:
-    """Print dropouts, noise, the table, the verdict, and the files written."""
+def print_analysis(series: RmpSeries, human: bool) -> None:
+    """Print dropouts, noise, the table and the verdict."""
     console = Console(highlight=False)
     seconds = float(series.time[-1] - series.time[0])
     rate = (len(series) - 1) / seconds
@@ -32,13 +32,12 @@ def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) 
     )
     console.print(head)
     for dropout in series.dropouts[:SHOWN_DROPOUTS]:
-        console.print(Text.assemble(("dropout  ", "yellow"), str(dropout)))
+        print_line("dropout", str(dropout), "yellow")
     if len(series.dropouts) > SHOWN_DROPOUTS:
         console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
     for name, excess in series.past_limits.items():
-        text = f"{name} is up to {excess:.3g} past its limits [rad or m]"
-        console.print(Text.assemble(("limits   ", "yellow"), text))
-    console.print(Text.assemble(("noise    ", "dim"), noise_line(series)))
+        print_line("limits", f"{name} is up to {excess:.3g} past its limits [rad or m]", "yellow")
+    print_line("noise", noise_line(series))
     table = heads("", "least", "mean", "largest", "95 % band")
     for name, scale, values, deviation in _rows(series):
         known = scale * values[np.isfinite(values)]
@@ -50,7 +49,6 @@ def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) 
     console.print(table)
     console.print()
     console.print(verdict(series, human))
-    print_written(console, written, 9)
 
 
 def noise_line(series: RmpSeries) -> str:

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.problem import Result, RunStatus
-from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
+from wbc.problem.pendulum.result import PendulumResult, PendulumStatus, unit_of
 from wbc.robot.names import COM
 from wbc.run.shaping_report import ShapingReport
 from wbc.simulation import SimulationStatus
@@ -48,7 +48,7 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
     if result.held_back:
         console.print(_held_back(result))
     console.print(_rest(result))
-    print_written(console, written)
+    print_written(written)
 
 
 def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
@@ -57,9 +57,9 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
     console.print(head(result.status, result.reason))
     table = heads("measured", "")
     for name, value in result.measures.items():
-        table.add_row(Text(name), Text(f"{value:.4g} {result.unit(name)}".rstrip()))
+        table.add_row(Text(name), Text(f"{value:.4g} {unit_of(name)}".rstrip()))
     console.print(table)
-    print_written(console, written)
+    print_written(written)
 
 
 def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> Text:
@@ -69,10 +69,16 @@ def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> 
     return head.append(f": {reason}", style="not bold default")
 
 
-def print_written(console: Console, written: Iterable[Path], width: int = 15) -> None:
+def print_line(name: str, text: str, style: str = "dim") -> None:
+    """Print a name of at most eight letters, and what is told under it."""
+    Console(highlight=False).print(Text.assemble((f"{name:9}", style), text))
+
+
+def print_written(written: Iterable[Path], width: int = 15) -> None:
     """Print which files were written."""
     for path in written:  # never folded: a path is to be copied
-        console.print(Text.assemble((f"{'written':{width}}", "dim"), str(path)), soft_wrap=True)
+        line = Text.assemble((f"{'written':{width}}", "dim"), str(path))
+        Console(highlight=False).print(line, soft_wrap=True)
 
 
 def tasks_table(result: Result) -> Table:
@@ -278,12 +284,12 @@ def heads(*columns: str) -> Table:
     return table
 
 
-def print_unbalanced(console: Console, unbalanced: Sequence[Unbalanced], most: int = WORST) -> None:
+def print_unbalanced(unbalanced: Sequence[Unbalanced], most: int = WORST) -> None:
     """Print where a motion cannot be balanced, and why; the worst first."""
     worst = sorted(unbalanced, key=lambda one: -one.by)
     for lacking in worst[:most]:
-        console.print(Text.assemble(("balance  ", "yellow"), str(lacking)))
+        print_line("balance", str(lacking), "yellow")
     if len(worst) > most:
-        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - most} more"))
+        print_line("balance", f"{len(worst) - most} more", "yellow")
     if not worst:
-        console.print(Text.assemble(("balance  ", "dim"), "the ground and the joints can do it"))
+        print_line("balance", "the ground and the joints can do it")

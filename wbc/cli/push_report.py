@@ -37,7 +37,7 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
         for name, text in _fact_rows(one, f"{one.name}: " if many else ""):
             table.add_row(name, Text(text))
     console.print(table)
-    print_written(console, written)
+    print_written(written)
 
 
 def _compare_text(one: PushMap, other: PushMap) -> str:

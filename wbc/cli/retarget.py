@@ -170,11 +170,11 @@ def retarget(
         outputs.save(problem, lambda place: write_text(place, text))
     if not quiet:
         from wbc.cli.analyze_human import print_human
+        from wbc.cli.printing import print_written
 
         print_human(human)
         print_retargeted(found)
-        for path in outputs.written:
-            typer.echo(f"wrote {path}")
+        print_written(outputs.written, 9)
     code = outputs.exit_code()
     if view:
         from wbc.view.live.retargeted import view_retargeted
@@ -265,16 +265,15 @@ def _duration(text: str) -> str | float:
 def print_retargeted(found: Retargeted) -> None:
     """Print scale, notes, tracking errors, violations, and what cannot be balanced."""
     from rich.console import Console
-    from rich.text import Text
 
-    from wbc.cli.printing import heads, print_unbalanced
+    from wbc.cli.printing import heads, print_line, print_unbalanced
     from wbc.retargeting.robot_setup import NO_SELF_COLLISION
 
     console, scale = Console(highlight=False), found.scale
     sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
-    console.print(Text.assemble(("scale    ", "dim"), sizes))
+    print_line("scale", sizes)
     for note in found.notes:
-        console.print(Text.assemble(("note     ", "yellow"), note))
+        print_line("note", note, "yellow")
     table = heads("task", "rms", "largest", "at")
     for one in found.reached:
         size = f"{one.largest:.3g} {one.unit}"
@@ -285,16 +284,15 @@ def print_retargeted(found: Retargeted) -> None:
         ("angular momentum", found.angular_momentum_correlation),
     ):
         text = " ".join(f"{value:.3f}" for value in values)
-        console.print(Text.assemble(("follows  ", "dim"), f"{name}: correlation {text} (x y z)"))
+        print_line("follows", f"{name}: correlation {text} (x y z)")
     text = f"{1e3 * found.slide:.2f} mm at most while they touch the ground"
-    console.print(Text.assemble(("soles    ", "dim"), f"slide by {text}"))
+    print_line("soles", f"slide by {text}")
     for violation in found.broken:
-        console.print(Text.assemble(("not kept ", "red"), str(violation)))
+        print_line("not kept", str(violation), "red")
     if not found.broken:
         no_margins = any(note.startswith(NO_SELF_COLLISION) for note in found.notes)
         margins = "" if no_margins else " margins,"
-        kept = f"soles, limits,{margins} speeds, accelerations"
-        console.print(Text.assemble(("kept     ", "dim"), kept))
-    print_unbalanced(console, found.unbalanced)
+        print_line("kept", f"soles, limits,{margins} speeds, accelerations")
+    print_unbalanced(found.unbalanced)
     span = f"{len(found)} frames, {found.time[-1]:.4g} s at {found.rate:g} Hz"
     console.print(f"{found.robot.name}: {span}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -73,11 +73,11 @@ def _run(
     """Run or simulate a problem, write, print and show the result; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
     from wbc.cli.outputs import Outputs
-    from wbc.cli.progress import shown_progress
+    from wbc.cli.progress import shown_progress, starting
     from wbc.cli.sim_report import print_unbalanced_motion
     from wbc.errors import InvalidInputError
 
-    with chosen.starting():
+    with starting(f"loading {chosen.path}", chosen.quiet):
         from wbc.problem import Problem, Result, load_problem
         from wbc.problem.pendulum.result import PendulumResult
 
@@ -232,12 +232,6 @@ class _RunOptions:
                 raise InvalidInputError(
                     f"--save-tick {self.save_tick}: is the problem or an output; name another file"
                 )
-
-    def starting(self) -> AbstractContextManager[None]:
-        """Return a context that shows what is being loaded, if that takes a while."""
-        from wbc.cli.progress import starting
-
-        return starting(f"loading {self.path}", self.quiet)
 
     @contextmanager
     def shown_by(

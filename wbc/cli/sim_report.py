@@ -11,7 +11,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import SHOWN, facts, head, heads, print_unbalanced, print_written, tasks_table
+from wbc.cli.printing import (
+    SHOWN,
+    facts,
+    head,
+    heads,
+    print_line,
+    print_unbalanced,
+    print_written,
+    tasks_table,
+)
 from wbc.errors import listed
 from wbc.robot.series import revolute_joints
 from wbc.simulation import SimulationResult
@@ -31,13 +40,10 @@ def print_unbalanced_motion(reference: object) -> None:
     from wbc.retargeting.reference import MotionReference
 
     if isinstance(reference, MotionReference):
-        console = Console(highlight=False)
-        print_unbalanced(console, reference.unbalanced)
+        print_unbalanced(reference.unbalanced)
         if reference.lean is not None:
-            text = (
-                f"the CoM is shifted by at most {1e3 * reference.led:.0f} mm to keep the CoP inside"
-            )
-            console.print(Text.assemble(("lean     ", "dim"), text))
+            shift = f"{1e3 * reference.led:.0f} mm"
+            print_line("lean", f"the CoM is shifted by at most {shift} to keep the CoP inside")
 
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
@@ -51,7 +57,7 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
         before = [one for one in result.tracking.unbalanced if one.start <= result.duration]
         if before:
             console.print("what the motion asked for until then that cannot be:")
-            print_unbalanced(console, before, SHOWN)
+            print_unbalanced(before, SHOWN)
     table = facts()
     for push in result.pushes:
         table.add_row("push", Text(_push(push, result)))
@@ -80,7 +86,7 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
         "tick time", f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms"
     )
     console.print(table)
-    print_written(console, written)
+    print_written(written)
 
 
 def _wrench(one: AppliedWrench) -> str:

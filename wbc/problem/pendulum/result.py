@@ -18,7 +18,11 @@ from wbc.run.saving import save_result
 from wbc.validate import Array
 
 FORMAT = "wbc pendulum result 1"
-PLACES = ("com", "com_velocity", "foot", "cop", "cmp", "radii", "momentum")  # (n, 3)
+# Units of vectors (n, 3) of a history.
+VECTORS = {
+    "com": "m", "com_velocity": "m/s", "foot": "m", "cop": "m", "cmp": "m",
+    "momentum": "kg m^2/s",
+}  # fmt: skip
 # Units of measures, by the last words of their names; others have none.
 UNITS = {
     "leg": "rad",
@@ -112,10 +116,6 @@ class PendulumResult:
     def __repr__(self) -> str:
         return f"PendulumResult({self.status.value}, {len(self.history.time)} times)"
 
-    def unit(self, name: str) -> str:
-        """Return the unit of the measure ``name``; empty if it has none."""
-        return unit_of(name)
-
     def summary(self) -> dict[str, Any]:
         """Return everything but the motion as plain data, which ``save`` writes as JSON."""
         return {
@@ -144,7 +144,7 @@ class PendulumResult:
         return frame_of(self._columns())
 
     def _repr_html_(self) -> str:
-        rows = [(name, f"{value:.4g} {self.unit(name)}") for name, value in self.measures.items()]
+        rows = [(name, f"{value:.4g} {unit_of(name)}") for name, value in self.measures.items()]
         table = as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", (), rows)
         return with_picture(table, "wbc.view.pendulum:pendulum_figure", self.history)
 
@@ -152,14 +152,7 @@ class PendulumResult:
         """Return the columns of a table of the motion, with their units."""
         motion = self.history
         columns = [("time [s]", motion.time)]
-        for name, unit in (
-            ("com", "m"),
-            ("com_velocity", "m/s"),
-            ("foot", "m"),
-            ("cop", "m"),
-            ("cmp", "m"),
-            ("momentum", "kg m^2/s"),
-        ):
+        for name, unit in VECTORS.items():
             values = getattr(motion, name)
             columns += [(f"{name}/{axis} [{unit}]", values[:, k]) for k, axis in enumerate("xyz")]
         return [*columns, *((f"radius/{k + 1} [m]", motion.radii[:, k]) for k in range(3))]
@@ -209,7 +202,7 @@ def pendulum_of(
         raise InvalidInputError(f"{path}: lacks the array {missing[0]!r}")
     count = np.size(arrays["time"])
     shapes = {"time": (count,), "phase": (count,), "axes": (count, 3, 3)}
-    shapes |= dict.fromkeys(PLACES, (count, 3))
+    shapes |= dict.fromkeys((*VECTORS, "radii"), (count, 3))
     for name, shape in shapes.items():
         if arrays[name].shape != shape or not count:
             raise InvalidInputError(
