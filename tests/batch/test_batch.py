@@ -121,7 +121,7 @@ def test_a_worker_of_another_version_is_refused(
     campaign: Path, cluster: LocalCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cluster.wait_for_workers(1)
-    monkeypatch.setattr("wbc.batch.row.versions", lambda: {"wbc": "0.0.0"})  # here, not there
+    monkeypatch.setattr("wbc.batch.row.versions", lambda *_: {"wbc": "0.0.0"})  # here, not there
     with pytest.raises(WbcError, match=r"has wbc .*, here 0\.0\.0"):
         run_batch(load_campaign(campaign), cluster=cluster.scheduler_address)
 

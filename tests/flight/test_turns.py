@@ -153,7 +153,7 @@ stop: {duration: 3.0, speed: null}
     assert isinstance(load_problem(file), Problem)
     target = "tasks.path.target"
     for overrides, words in (
-        ({f"{target}.period": 2.0}, "rounds take 4 s, longer than the run"),
+        ({f"{target}.period": 2.0}, "the loop ends at 4 s, after the run"),
         ({f"{target}.loop": {"left_hip": [0.1, 0.2]}}, "left_hip_"),
         ({f"{target}.loop": {"left_hip_pitch": [0.1, 0.2, 0.3]}}, "an even one"),
         ({f"{target}.cycles": 0}, "cycles"),

@@ -18,7 +18,7 @@ from wbc.problem import Problem, Result
 from wbc.problem.campaign import Run
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.problem import load_same_text
-from wbc.problem.provenance import version_of, versions
+from wbc.problem.provenance import versions
 from wbc.simulation import SimulationResult
 
 ERROR, DIED = "error", "worker_died"  # statuses of runs that have no result
@@ -30,7 +30,7 @@ _one_at_a_time = threading.Lock()  # a cluster may give a process several thread
 
 def made_with() -> dict[str, str]:
     """Return the versions that rows depend on."""
-    return {**versions(), "mujoco": version_of("mujoco")}
+    return versions("mujoco")
 
 
 def run_row(run: Run, text: str) -> Row:

@@ -148,13 +148,16 @@ def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: 
                 continue
             if spec.phases is not None:
                 refuse_course(spec.tasks[name].target, None)
-            lasts, duration = one.course.duration, spec.whole_stop.duration
-            if lasts > duration + spec.controller.dt:
-                raise Misplaced(
-                    f"the rounds take {lasts:g} s, longer than the run ({spec.timed_by}.duration,"
-                    f" {duration:g} s)",
-                    "target",
-                )
+            _check_ends(spec, "the loop", one.course.duration, "target")
+
+
+def _check_ends(spec: ProblemSpec, what: str, ends: float, *below: str) -> None:
+    """Raise Misplaced, at ``below``, for a target that still moves [s] after the run."""
+    duration = spec.whole_stop.duration
+    if ends > duration + spec.controller.dt:
+        where = f"{spec.timed_by}.duration" if spec.phases is None else "all phases"
+        text = f"{what} ends at {ends:.4g} s, after the run ({where}, {duration:g} s)"
+        raise Misplaced(text, *below)
 
 
 def _motion(
@@ -188,12 +191,8 @@ def _motion(
         )
     options = wanted.model_dump(exclude={"motion"})
     options["friction"] = spec.controller.friction_cone.coefficient
-    reference, duration = MotionReference(motion, **options), spec.whole_stop.duration
-    if reference.ends > duration + spec.controller.dt:
-        raise Misplaced(
-            f"the motion ends at {reference.ends:.3f} s, after the run ({spec.timed_by}.duration,"
-            f" {duration:g} s)"
-        )
+    reference = MotionReference(motion, **options)
+    _check_ends(spec, "the motion", reference.ends)
     return reference
 
 
@@ -222,12 +221,7 @@ def _reference(
             )
     plan = read_plan(folder / Path(wanted.plan).expanduser())
     reference = PlanReference(plan, start, feet=feet, begins=wanted.begins, flights=flights)
-    duration = spec.whole_stop.duration
-    if reference.ends > duration + spec.controller.dt:
-        where = f"{spec.timed_by}.duration" if spec.phases is None else "all phases"
-        raise Misplaced(
-            f"the plan ends at {reference.ends:g} s, after the run ({where}, {duration:g} s)"
-        )
+    _check_ends(spec, "the plan", reference.ends)
     return reference
 
 

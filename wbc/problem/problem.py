@@ -15,8 +15,9 @@ from wbc.problem.build import build, hand_support
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
+from wbc.problem.levels import TORQUE
 from wbc.problem.overrides import apply_overrides
-from wbc.problem.provenance import provenance, version_of, versions
+from wbc.problem.provenance import provenance, versions
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
@@ -97,12 +98,10 @@ class Problem:
                 f" so this problem is simulated: wbc sim {self.source.name}, or simulate()"
             )
         stop = Stop(**spec.whole_stop.model_dump())
-        made_with = self._provenance_with(versions())
         start = parts.at_start
         if isinstance(controller, GlobalSpec):
             from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi
 
-            made_with["versions"]["casadi"] = version_of("casadi")
             return shape_globally(
                 global_shaping(parts, spec, controller),
                 parts.start,
@@ -115,11 +114,11 @@ class Problem:
                 tasks=parts.tasks,
                 progress=progress,
                 observe=observe,
-                provenance=made_with,
+                provenance=self._provenance_with("casadi"),
                 cancelled=cancelled,
                 show=show,
             )
-        phases = self.executor()
+        phases, made_with = self.executor(), self._provenance_with()
         return simulate(phases, parts.start, stop, progress, observe, made_with, cancelled, show)
 
     def simulate(
@@ -144,12 +143,8 @@ class Problem:
             The physics blew up.
         """
         spec, parts = self.spec, self.parts
-        if not isinstance(spec.controller, TorqueSpec):
-            raise InvalidInputError(
-                f"{self.source.name}: controller.level is velocity: commanded velocities are run,"
-                f" not simulated: wbc run {self.source.name}; for torques write controller:"
-                " {level: torque}"
-            )
+        how = f"commanded velocities are run, not simulated: wbc run {self.source.name}"
+        require_torque(self, how)
         plant = self.plant()
         return run_trial(
             self.supervisor(plant),
@@ -158,7 +153,7 @@ class Problem:
             falls=FallLimits(**spec.simulation.falls),
             plan=parts.plan,
             progress=progress,
-            provenance=self._provenance_with({**versions(), "mujoco": version_of("mujoco")}),
+            provenance=self._provenance_with("mujoco"),
             cancelled=cancelled,
             show=show,
         )
@@ -196,11 +191,7 @@ class Problem:
         InvalidInputError
             A problem of the velocity level.
         """
-        if not isinstance(self.spec.controller, TorqueSpec):
-            raise InvalidInputError(
-                f"{self.source.name}: controller.level is velocity: a robot is commanded torques;"
-                " write controller: {level: torque}"
-            )
+        require_torque(self, "a robot is commanded torques")
         if isinstance(self.spec, WalkSpec):
             return commanded_walk(self.spec, self.parts, None)
         return self._with_hands(self.executor())
@@ -225,14 +216,17 @@ class Problem:
             parts.at_start,
             parts.surroundings.move_to,
             spec.ground_height,
-            TOUCHDOWN_HEIGHT if spec.controller.level == "torque" else SOLE_FLATNESS,
+            TOUCHDOWN_HEIGHT if spec.controller.level == TORQUE else SOLE_FLATNESS,
             loads,
         )
 
-    def _provenance_with(self, found: dict[str, str]) -> dict[str, Any]:
-        """Return the provenance of a result, with the versions ``found``."""
-        pairs = self.parts.surroundings.unwatched_pairs()
-        made_with = {"problem": self.provenance(), "versions": found, "unwatched_pairs": pairs}
+    def _provenance_with(self, *packages: str) -> dict[str, Any]:
+        """Return the provenance of a result that depends on some packages, too."""
+        made_with = {
+            "problem": self.provenance(),
+            "versions": versions(*packages),
+            "unwatched_pairs": self.parts.surroundings.unwatched_pairs(),
+        }
         if not isinstance(self.parts.plan, PlanReference):
             return made_with
         from wbc.rmp.plan import problem_to_data  # only now: it loads CasADi
@@ -242,6 +236,15 @@ class Problem:
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""
         return provenance(self.source, self.overrides)
+
+
+def require_torque(problem: Problem, why: str) -> None:
+    """Raise InvalidInputError, which says why, for a problem of the velocity level."""
+    if problem.spec.controller.level != TORQUE:
+        raise InvalidInputError(
+            f"{problem.source.name}: controller.level is velocity: {why}; for torques write"
+            " controller: {level: torque}"
+        )
 
 
 def load_problem(

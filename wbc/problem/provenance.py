@@ -15,8 +15,10 @@ from wbc.run.saving import plain
 PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 
 
-def versions() -> dict[str, str]:
+def versions(*more: str) -> dict[str, str]:
     """Return the versions of this package, of Python and of the packages that affect results.
+
+    ``more`` are packages that some results depend on besides.
 
     Proxsuite's is followed by its build if results of that vary in their last bits
     (:mod:`wbc.qp.proxqp_workspace`).
@@ -24,7 +26,7 @@ def versions() -> dict[str, str]:
     found = {
         "wbc": __version__,
         "python": platform.python_version(),
-        **{name: version_of(name) for name in PACKAGES},
+        **{name: version_of(name) for name in (*PACKAGES, *more)},
     }
     found["proxsuite"] += f" ({BUILD})" if BUILD else ""
     return found

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.problem.controller_spec import TorqueSpec
-from wbc.problem.problem import Problem, load_problem, load_same_text
-from wbc.problem.provenance import version_of, versions
+from wbc.problem.problem import Problem, load_problem, load_same_text, require_torque
+from wbc.problem.provenance import versions
 from wbc.run.phase_support import held_feet
 from wbc.run.saving import plain
 from wbc.simulation import FallLimits, PushOutcome, SimulationError, capture_impulse, simulate
@@ -49,11 +48,7 @@ class PushedProblem:
     def __init__(self, problem: Problem, settings: PushSettings) -> None:
         spec, parts = problem.spec, problem.parts
         name = problem.source.name
-        if not isinstance(spec.controller, TorqueSpec):
-            raise InvalidInputError(
-                f"{name}: controller.level is velocity, and pushes need torques: write controller:"
-                " {level: torque}"
-            )
+        require_torque(problem, "pushes need torques")
         self.problem, self.settings = problem, settings
         self.robot = parts.robot
         self.start = parts.at_start
@@ -176,5 +171,4 @@ class LoadPushed:
 
 def conditions(settings: PushSettings) -> dict[str, Any]:
     """Return the inputs that outcomes depend on besides problems, as plain data."""
-    found = {**versions(), "mujoco": version_of("mujoco")}
-    return {"push": asdict(settings), "versions": found}
+    return {"push": asdict(settings), "versions": versions("mujoco")}

@@ -27,13 +27,6 @@ from wbc.validate import Array
 
 # The phase of a run that ended before its first step.
 NOT_STARTED = "start"
-_ENDINGS = {
-    Ending.COMPLETE: PendulumStatus.COMPLETED,
-    Ending.FELL: PendulumStatus.FELL,
-    Ending.CONTACT_LOST: PendulumStatus.CONTACT_LOST,
-    Ending.LAW_FAILED: PendulumStatus.LAW_FAILED,
-    Ending.DIVERGED: PendulumStatus.DIVERGED,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +139,7 @@ def _verdict(
     simulation: Simulation, stop: PendulumStopSpec, measures: Mapping[str, float]
 ) -> tuple[PendulumStatus, str]:
     if simulation.ending is not Ending.COMPLETE:
-        return _ENDINGS[simulation.ending], simulation.note
+        return PendulumStatus[simulation.ending.name], simulation.note
     missed = [
         f"{name} ({measures[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.model_dump(exclude_none=True).items()
