@@ -69,7 +69,7 @@ MISTAKES = [
     ('"*_hip_*"', "waist_pich", 8, "tasks.calm.joints.waist_pich: unknown joint 'waist_pich'; did"),
     ("type: com,", "type: comm,", 6, "tasks.com.type: 'comm' does not exist; did you mean 'com'?"),
     ("type: com,", "", 6,
-     "tasks.com: 'type' is missing (choose from: com, distance, frame, inertia"),
+     "tasks.com: 'type' is missing (choose from: com, frame, relative_pose, distance"),
     ("control: position", "control: positon", 7,
      "tasks.hand.control: 'positon' does not exist; did"),
     ("control: position,", "", 7, "tasks.hand: 'control' is missing"),

@@ -9,12 +9,17 @@ import pytest
 
 from wbc.errors import UnknownNameError
 from wbc.problem.kinds.com import ComSpec
-from wbc.problem.kinds.distance import DistanceSpec
-from wbc.problem.kinds.frame import AxisSpec, OrientationSpec, PoseSpec, PositionSpec
+from wbc.problem.kinds.frame import (
+    AxisSpec,
+    DistanceSpec,
+    OrientationSpec,
+    PoseSpec,
+    PositionSpec,
+    RelativePoseSpec,
+)
 from wbc.problem.kinds.inertia import InertiaSpec
 from wbc.problem.kinds.posture import PostureSpec
 from wbc.problem.kinds.rates import MomentumSpec
-from wbc.problem.kinds.relative_pose import RelativePoseSpec
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.task_spec import TaskSpec
 from wbc.run.ramps import MinimumJerk, MovingTarget

@@ -15,6 +15,8 @@ from wbc.robot import Robot, Snapshot
 from wbc.run.ramps import TargetedTask
 from wbc.tasks import Task
 
+KEPT = ("type", "control", "target", "active", "ramp", "law")  # keys that build() reads itself
+
 
 class TaskSpec(Section):
     """The base of every task's description.
@@ -73,7 +75,7 @@ class TaskSpec(Section):
         return ()
 
     def settings(self, rows: Sequence[str] = ()) -> dict[str, Any]:
-        """Return the keyword arguments that the task's class passes to :class:`~wbc.tasks.Task`.
+        """Return the keyword arguments of the task's class: all keys but those that say how.
 
         Raises
         ------
@@ -85,8 +87,7 @@ class TaskSpec(Section):
                 f"needs one number, or {len(rows)} ({', '.join(rows)}), got {len(self.weight)}",
                 "weight",
             )
-        known = type(self).model_fields.keys()
-        values = {key: getattr(self, key) for key in HANDED_ON if key in known}
+        values = {key: getattr(self, key) for key in type(self).model_fields if key not in KEPT}
         if values.get("gain_per_second") is not None:
             if "gain" in self.model_fields_set:
                 raise Misplaced("give gain or gain_per_second, not both", "gain_per_second")
@@ -128,6 +129,3 @@ class ErrorTaskSpec(MotionTaskSpec):
     """At the torque level: stiffness of the error [1/s^2]; left out: 100."""
     ramp: Positive | None = None
     """Time [s] in which the target moves smoothly from the initial value."""
-
-
-HANDED_ON = ErrorTaskSpec.model_fields.keys() - {"type", "target", "active", "ramp"}

@@ -103,7 +103,7 @@ class ComSpec(ErrorTaskSpec):
             return place
 
         settings = {**self.settings(self.axes), **self._gains(start)}
-        task = ComTask(start.robot, goal(start, start.com), axes=self.axes, name=name, **settings)
+        task = ComTask(start.robot, goal(start, start.com), name=name, **settings)
         return TargetedTask(
             task, goal, lambda now: now.com, VECTORS, task.set_target, self.ramp,
             attendant=self._attendant(task),

@@ -69,9 +69,7 @@ class ContactForceSpec(ForceTaskSpec):
         """Return the task."""
         goal = entries(self.target, self.components, WRENCH)
         settings = self.settings(self.components)
-        task = ContactForceTask(
-            start.robot, self.frame, goal, components=self.components, name=name, **settings
-        )
+        task = ContactForceTask(start.robot, target=goal, name=name, **settings)
         return force_target(task, goal)
 
 
@@ -111,7 +109,7 @@ class CopSpec(ForceTaskSpec):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         goal, settings = self._goal(start), self.settings(("mx", "my"))
-        task = CopTask(start.robot, goal, frame=self.frame, name=name, **settings)
+        task = CopTask(start.robot, goal, name=name, **settings)
         return force_target(task, goal)
 
     def _goal(self, start: Snapshot) -> Array:
@@ -148,8 +146,7 @@ class ForceRateSpec(ForceTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        task = ForceRateTask(start.robot, self.frames, name=name, **self.settings())
-        return without_target(task)
+        return without_target(ForceRateTask(start.robot, name=name, **self.settings()))
 
 
 class LoadShareSpec(ForceTaskSpec):
@@ -210,5 +207,5 @@ class TorqueTaskSpec(ForceTaskSpec):
                 f"needs {size} entries, one for each joint of the robot, got {len(self.target)}",
                 "target",
             )
-        task = TorqueTask(robot, self.target, joints=self.joints, name=name, **self.settings())
+        task = TorqueTask(robot, self.target, name=name, **self.settings())
         return force_target(task, task.target)

@@ -114,18 +114,8 @@ class InertiaSpec(ErrorTaskSpec):
         if isinstance(self.about, str) and self.about not in (COM, WORLD):
             start.robot.frame_id(self.about)
         goal = self._goal(rows, current(start))
-        task = InertiaTask(
-            start.robot,
-            goal,
-            components=rows,
-            frame=self.frame,
-            about=self.about,
-            per_mass=self.per_mass,
-            second_order=self.second_order,
-            name=name,
-            **self.settings(rows),
-        )
-
+        settings = {**self.settings(rows), "components": rows}
+        task = InertiaTask(start.robot, goal, name=name, **settings)
         return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
@@ -171,9 +161,10 @@ class InertiaSpec(ErrorTaskSpec):
             return np.linalg.eigvalsh(now.inertia)
 
         goal = self._principal_goal(current(start))
-        task = PrincipalInertiaTask(
-            start.robot, goal, per_mass=self.per_mass, name=name, **self.settings()
-        )
+        settings = self.settings()
+        for key in ("components", "frame", "about", "second_order"):
+            del settings[key]
+        task = PrincipalInertiaTask(start.robot, goal, name=name, **settings)
         return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _principal_goal(self, start: Array) -> Array:

@@ -55,7 +55,7 @@ class PostureSpec(ErrorTaskSpec):
             goal = start.q if self.target == "start" else robot.posture(self.target)
         else:
             goal = with_joints(robot, start.q, self.target)
-        task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
+        task = PostureTask(robot, goal, name=name, **self.settings())
         space = configuration_space(robot)
         return TargetedTask(
             task, fixed_goal(goal), lambda now: now.q, space, task.set_target, self.ramp, course

@@ -58,9 +58,7 @@ class DampingSpec(MotionTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        settings = self.settings()
-        task = DampingTask(start.robot, joints=self.joints, base=self.base, name=name, **settings)
-        return without_target(task)
+        return without_target(DampingTask(start.robot, name=name, **self.settings()))
 
 
 class MomentumSpec(MotionTaskSpec):
@@ -86,8 +84,8 @@ class MomentumSpec(MotionTaskSpec):
         rows = rows or tuple(self.components)
         still = np.zeros(len(ROWS))  # until a plan begins
         goal = still if isinstance(self.target, Followed) else entries(self.target, rows, ROWS)
-        settings = self.settings(rows)
-        task = MomentumTask(start.robot, goal, components=rows, name=name, **settings)
+        settings = {**self.settings(rows), "components": rows}
+        task = MomentumTask(start.robot, goal, name=name, **settings)
 
         def set_target(value: Array, rate: Array, _: Array) -> None:
             task.set_target(value, rate)
