@@ -78,9 +78,9 @@ class Parts:
     ) -> dict[str, Any]:
         """Return constraints and slack weights of a controller, by parameter."""
         constraints = self.surroundings.constraints_at(snapshot, contacts)
-        frames = {contact.frame for contact in contacts}
-        slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
+        here = {one.frame for one in contacts} | {one.name for one in constraints}
+        slack = {**self.contact_slack, **self.surroundings.slack}
         return {
             "constraints": constraints,
-            "slack": {**slack, **self.surroundings.slack_of(constraints)},
+            "slack": {name: weight for name, weight in slack.items() if name in here},
         }

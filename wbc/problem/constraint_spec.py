@@ -81,11 +81,6 @@ class Surroundings:
             if built.unwatched
         }
 
-    def slack_of(self, constraints: Sequence[Constraint]) -> dict[str, float]:
-        """Return the slack weights of those that may give way."""
-        names = {constraint.name for constraint in constraints}
-        return {name: weight for name, weight in self.slack.items() if name in names}
-
     def move_to(self, time: float) -> None:
         """Move obstacles to their poses at ``time`` [s]."""
         for built in self.constraints.values():

@@ -67,7 +67,7 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
         limits = Limits(parts.robot, position=False, velocity=None)
     start = parts.robot.snapshot(parts.start)
     constraints_at = parts.surroundings.constraints_at(start, parts.contacts)
-    soft = parts.surroundings.slack_of(constraints_at)
+    soft = parts.surroundings.slack
     hard = [constraint for constraint in constraints_at if constraint.name not in soft]
     if controller.support_margin is not None:
         hard.append(_over_held_soles(start, parts.contacts, controller.support_margin))
