@@ -8,11 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from wbc.problem.mistakes import read_section
-from wbc.problem.section import Name, Section
+from wbc.problem.section import Name, NonNegative, Positive, Section
 from wbc.problem.yaml_reader import read_source
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class RetargetSpec(Section):
@@ -54,18 +51,14 @@ class RetargetSpec(Section):
     """Move the CoM so that the CoP stays inside the standing feet."""
     friction: Positive | None = None
     """Friction coefficient for checking the motion."""
-    margin: NotNegative | None = None
+    margin: NonNegative | None = None
     """Distance kept between bodies [m]."""
     links: dict[Name, Name] | None = None
     """Frames of the robot by part of the body."""
 
-    def values(self) -> dict[str, Any]:
-        """Return the file's values, by the names of the command's parameters."""
-        return self.model_dump(exclude_none=True, exclude={"version"})
-
 
 def load_retarget(path: str | Path) -> dict[str, Any]:
-    """Return a file's values, with paths relative to its folder resolved.
+    """Return a file's values by the command's parameters; relative paths are of its folder.
 
     Raises
     ------
@@ -73,7 +66,8 @@ def load_retarget(path: str | Path) -> dict[str, Any]:
         With every mistake that was found: file, line and key path.
     """
     path = Path(path)
-    found = read_section(RetargetSpec, read_source(path, "'motion:' and 'robot:'")).values()
+    spec = read_section(RetargetSpec, read_source(path, "'motion:' and 'robot:'"))
+    found = spec.model_dump(exclude_none=True, exclude={"version"})
     for key in ("motion", "static", "forces"):
         if key in found:
             found[key] = path.parent / found[key]

@@ -1,6 +1,6 @@
 """Balance laws in problem files: the keys of each, and how to build it.
 
-To add a law, write it in a file of its own, and add a :class:`LawSpec` here and to ``LawChoice``.
+To add a law, write it in a file of its own, and add a :class:`LawSpec` here.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ class LawSpec(Section):
 
     needs: ClassVar[Literal["rmp_planar", "rmp_solid"] | None] = None  # the only model it supports
     pivot: ClassVar[bool] = False  # whether the foot is bolted to a pivot, which pulls as well
+
+    type: str
 
     @abstractmethod
     def build(self, on: Setting) -> BalanceLaw:
@@ -177,7 +179,4 @@ class StabiliserSpec(LawSpec):
         return PointStabiliser(on.pendulum, on.bounds, *on.lengths)
 
 
-LawChoice = Annotated[
-    StaticLeanSpec | LqrSpec | SwingUpSpec | SpinSpec | MomentumQpSpec | StabiliserSpec,
-    OneOf("type", "{type: lqr}"),
-]
+LawChoice = Annotated[LawSpec, OneOf("type", "{type: lqr}")]
