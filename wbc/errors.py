@@ -79,16 +79,22 @@ _ELSEWHERE = {
 }
 
 
+def nearest(name: str, choices: Iterable[str]) -> str | None:
+    """Return the valid name that a wrong one is most like, or None if it is like none."""
+    folded = {choice.casefold(): choice for choice in choices}
+    meant = _ELSEWHERE.get(str(name).casefold(), "").casefold()
+    if meant in folded:
+        return folded[meant]
+    alike = [(_similarity(str(name).casefold(), choice), choice) for choice in folded]
+    likeness, found = max(alike, default=(0.0, ""))
+    return folded[found] if likeness >= 0.5 else None
+
+
 def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     """Return the tail of an error message: the nearest valid name and the list of choices."""
     known = sorted(str(choice) for choice in choices)
-    folded = {choice.casefold(): choice for choice in known}
-    alike = [(_similarity(str(name).casefold(), choice), choice) for choice in folded]
-    likeness, nearest = max(alike, default=(0.0, ""))
-    meant = _ELSEWHERE.get(str(name).casefold(), "").casefold()
-    if meant in folded:
-        likeness, nearest = 1.0, meant
-    hint = f"; did you mean {folded[nearest]!r}?" if likeness >= 0.5 else ""
+    meant = nearest(name, known)
+    hint = f"; did you mean {meant!r}?" if meant is not None else ""
     if not known:
         return f"{hint} (there are none to choose from)"
     if not listed:

@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from wbc.errors import ProblemFileError, UnknownNameError, WbcError, suggest
+from wbc.errors import ProblemFileError, UnknownNameError, WbcError, nearest, suggest
 from wbc.problem.section import KnownKeys
 from wbc.problem.source import KeyPath, Source
 
@@ -115,9 +115,8 @@ def complaints(
         {**detail, "loc": (*below, *detail["loc"])} for detail in error.errors(include_url=False)
     ]
     misspelt = {
-        (*_path(detail)[:-1], _suggestion(_path(detail), source, keys))
-        for detail in details
-        if detail["type"] == "extra_forbidden"
+        (*path[:-1], nearest(str(path[-1]), _known_keys(path, source, keys).here))
+        for path in (_path(one) for one in details if one["type"] == "extra_forbidden")
     }
     found: list[tuple[KeyPath, str]] = []
     for detail in details:
@@ -160,12 +159,6 @@ def _path(detail: Detail) -> KeyPath:
 
 def _known_keys(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> KnownKeys:
     return keys.get(id(source.at(path[:-1])), KnownKeys())
-
-
-def _suggestion(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> str:
-    known = _known_keys(path, source, keys).here
-    hint = re.search(r"did you mean '([^']+)'", suggest(str(path[-1]), known))
-    return hint[1] if hint else ""
 
 
 def _explain(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
