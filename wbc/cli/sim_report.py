@@ -103,17 +103,14 @@ def _tracking(found: PlanTracking) -> Table:
         ("CoP", found.cop, 1e3, "mm"),
         ("angular momentum", found.momentum, 1.0, "kg m^2/s"),
         ("inertia", found.inertia, 1.0, "kg m^2"),
+        ("joints", found.joints, 1.0, "rad"),
     ):
+        if one is None:
+            continue
         sizes = (f"{factor * size:.3g} {unit}" for size in (one.rms, one.worst))
         none = one.peak <= ROUNDING * one.rms
         relative = "it has none" if none else _percent(one.rms / one.peak)
         table.add_row(Text(name), *sizes, f"{one.at:.3f}", relative)
-    if found.joints is not None:
-        sizes = (f"{size:.3g} rad" for size in (found.joints.rms, found.joints.worst))
-        relative = (
-            _percent(found.joints.rms / found.joints.peak) if found.joints.peak else "it has none"
-        )
-        table.add_row("joints", *sizes, f"{found.joints.at:.3f}", relative)
     if not found.whole:
         text = f"to {found.until:g} s only; it ends at {found.ends:g} s"
         table.add_row(Text("judged", style="red"), Text(text, style="red"), "", "", "")

@@ -104,13 +104,10 @@ class Source:
         """Return the value at a key path, or None if there is none."""
         value = self.data
         for step in path:
-            inside = isinstance(value, dict) and step in value
-            inside = inside or (
-                isinstance(value, list) and isinstance(step, int) and step < len(value)
-            )
-            if not inside:
+            try:
+                value = value[step]
+            except (KeyError, IndexError, TypeError):
                 return None
-            value = value[step]
         return value
 
     def find(self, text: str, below: KeyPath) -> KeyPath:

@@ -36,7 +36,7 @@ def conclude(
     ----------
     standing:
         The support at the end.
-    broken_off:
+    aborted:
         Why a phase could not begin, or None.
     provenance:
         Origin of the run, as plain data; a part of the result.

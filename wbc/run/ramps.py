@@ -48,23 +48,14 @@ def placement(position: Array, rotation: Array) -> Array:
     return np.column_stack((rotation, position))
 
 
-def _rotation_difference(start: Array, end: Array) -> Array:
-    """Return log(start' end) (3,) [rad]."""
-    return log_rotation(start.T @ end)
-
-
-def _integrate_rotation(start: Array, displacement: Array) -> Array:
-    return start @ exp_rotation(displacement)
-
-
 def _placement_difference(start: Array, end: Array) -> Array:
     """Return the difference of the positions [m] above the rotation vector [rad] (6,)."""
-    rotation = _rotation_difference(start[:, :3], end[:, :3])
+    rotation = ROTATIONS.difference(start[:, :3], end[:, :3])
     return np.concatenate((end[:, 3] - start[:, 3], rotation))
 
 
 def _integrate_placement(start: Array, displacement: Array) -> Array:
-    rotation = _integrate_rotation(start[:, :3], displacement[3:])
+    rotation = ROTATIONS.integrate(start[:, :3], displacement[3:])
     return placement(start[:, 3] + displacement[:3], rotation)
 
 
@@ -81,7 +72,10 @@ def _direction_difference(start: Array, end: Array) -> Array:
 
 VECTORS = Space(lambda start, end: end - start, lambda start, displacement: start + displacement)
 # Rotation matrices (3, 3); displacements are rotation vectors in the rotating axes.
-ROTATIONS = Space(_rotation_difference, _integrate_rotation)
+ROTATIONS = Space(
+    lambda start, end: log_rotation(start.T @ end),
+    lambda start, displacement: start @ exp_rotation(displacement),
+)
 # Rotation and position (3, 4); the position moves on a straight line.
 PLACEMENTS = Space(_placement_difference, _integrate_placement)
 # Unit vectors (3,), rotated about the axis orthogonal to both.
@@ -193,11 +187,9 @@ def pose_setter(task: Any) -> SetTarget:
 
 def orientation_setter(task: Any) -> SetTarget:
     """Return the setter of an orientation task's target in :data:`ROTATIONS`."""
-
-    def set_target(value: Array, rate: Array, acceleration: Array) -> None:
-        task.set_target(value, value @ rate, value @ acceleration)
-
-    return set_target
+    return lambda value, rate, acceleration: task.set_target(
+        value, value @ rate, value @ acceleration
+    )
 
 
 def axis_setter(task: Any) -> SetTarget:
@@ -212,11 +204,9 @@ def axis_setter(task: Any) -> SetTarget:
 
 def force_target(task: Any, goal: Array) -> TargetedTask:
     """Return a task about forces; snapshots have none, so ramps begin at its own target."""
-
-    def set_target(value: Array, *_: Array) -> None:
-        task.set_target(value)
-
-    return TargetedTask(task, fixed_goal(goal), lambda _: goal, VECTORS, set_target)
+    return TargetedTask(
+        task, fixed_goal(goal), lambda _: goal, VECTORS, lambda value, *_: task.set_target(value)
+    )
 
 
 def without_target(task: Task) -> TargetedTask:

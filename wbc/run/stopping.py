@@ -116,7 +116,7 @@ def run_status(
         Number of ticks without solution, and of all.
     norms:
         Norm of each task's error at the end.
-    broken_off:
+    aborted:
         Why a phase could not begin, or None.
     not_kept:
         Conditions that were violated in some tick, in words.
