@@ -32,7 +32,7 @@ TESTS += tuple(
     for name in ("state", "kernel", "series", "symbolic", "collision_closing")
 )
 TESTS += ("--ignore=tests/shaping/test_search_all.py",)  # of processes that import anew, by time
-WHOLE = "bad_input defaults errata reduction repr signatures validate what_callers_give wrong_kinds"
+WHOLE = "bad_input defaults errata reduction repr signatures validate what_callers_give"
 TESTS += tuple(f"tests/test_{name}.py" for name in WHOLE.split())
 WARM = ("hoap2_like", "g1_27", "talos", "icub", "romeo", "mixed_joints")  # no faults in loading
 ALWAYS = "tests/test_defaults.py"  # looks at signatures, and calls nothing
