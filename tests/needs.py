@@ -9,13 +9,8 @@ from wbc.qp.backend import qpsolvers_names
 
 # A Chromium, and how it draws without a graphics card.
 BROWSER = os.environ.get("WBC_BROWSER", "")
-SOFTWARE = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-)
+SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")  # fmt: skip
 needs_browser = pytest.mark.skipif(not BROWSER, reason="WBC_BROWSER names no Chromium")
 
 needs_bench = pytest.mark.skipif(

@@ -13,16 +13,8 @@ from wbc.robot import Robot
 
 CLASSES = [name for name in wbc.__all__ if inspect.isclass(getattr(wbc, name))]
 TASKS = [name for name in CLASSES if issubclass(getattr(wbc, name), wbc.Task)]
-LAWS = (
-    "gain",
-    "gain_per_second",
-    "lm_damping",
-    "singular_threshold",
-    "curvature_damping",
-    "weighs_error",
-    "kp",
-    "kd",
-)
+LAWS = ("gain", "gain_per_second", "lm_damping", "singular_threshold", "curvature_damping",
+        "weighs_error", "kp", "kd")  # fmt: skip
 # Not made by users: raised, derived from, or read from a file.
 CALLED = [
     getattr(wbc, name)

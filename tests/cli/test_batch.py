@@ -1,7 +1,6 @@
 """``wbc batch``: from a file to a table, ended and gone on with, and refused."""
 
 import importlib.util
-import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO
@@ -10,12 +9,12 @@ import pytest
 from typer.testing import Result
 
 from tests.batch.conftest import CAMPAIGN
-from tests.command import wbc_command
+from tests.command import signalling, wbc_command
 from tests.texts import CHEAP
 from wbc.batch import BatchProgress, read_rows
-from wbc.cli import batch as command
 from wbc.cli.progress import batch_state
 from wbc.files import write_whole
+from wbc.journal import Journal
 
 
 def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
@@ -29,27 +28,13 @@ def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
 def test_ended_by_ctrl_c_it_goes_on_to_one_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = command._run
-
-    def interrupted(campaign: object, journal: object, *rest: object) -> object:
-        add, count = journal.add, iter(range(100))
-
-        def counted(row: object) -> None:
-            add(row)
-            if next(count) == 3:
-                signal.raise_signal(signal.SIGINT)
-
-        monkeypatch.setattr(journal, "add", counted)
-        return original(campaign, journal, *rest)
-
-    monkeypatch.setattr(command, "_run", interrupted)
+    signalling(monkeypatch, Journal, "add", 5)  # the first writes what the campaign is
     ended = run(tmp_path, "--workers", 1)
     assert ended.exit_code == 130, ended.output
     assert "the same command goes on" in ended.output and "4 of 12 runs" in ended.output
     table, kept = tmp_path / "campaign.parquet", tmp_path / "campaign.parquet.partial"
     assert not table.exists() and len(kept.read_text().splitlines()) == 5
 
-    monkeypatch.setattr(command, "_run", original)
     other = run(tmp_path, "--workers", 1, text=CAMPAIGN.replace("seeds: 2", "seeds: 3"))
     assert other.exit_code == 1 and "campaign differs" in " ".join(other.output.split())
     whole = run(tmp_path, "--workers", 1)

@@ -1,29 +1,16 @@
 """``wbc bench``: recorded, measured, written, compared and refused."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import IO
 
 import pytest
 from qpbench.sequence import load_sequence
 from typer.testing import CliRunner, Result
 
-import wbc.files
 from wbc.cli import app
 
-SMALL = (
-    "--job",
-    "arm",
-    "--ticks",
-    5,
-    "--repeats",
-    3,
-    "--solver",
-    "active_set",
-    "--solver",
-    "proxqp",
-)
+SMALL = ("--job", "arm", "--ticks", 5, "--repeats", 3,
+         "--solver", "active_set", "--solver", "proxqp")  # fmt: skip
 
 
 def run(*options: object) -> Result:
@@ -75,26 +62,6 @@ def test_a_page_with_a_place_for_it_keeps_the_rest(tmp_path: Path) -> None:
     assert text.startswith("# Ours\n\n<!-- solvers -->\n\n## Solvers\n")
     assert text.endswith("<!-- /solvers -->\n\nby hand\n")
     assert "yesterday" not in text and text.count("### All sequences") == 1
-
-
-def test_figures_that_cannot_be_saved_are_saved_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = wbc.files.write_whole
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-
-    def full_disk(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
-        if path.parent == tmp_path:
-            raise OSError(28, "No space left on device")
-        whole(path, fill)
-
-    monkeypatch.setattr(wbc.files, "write_whole", full_disk)
-    result = run(*SMALL, "-o", tmp_path / "b.json", "-o", tmp_path / "b.png")
-    assert result.exit_code == 1
-    assert "cannot be written: No space left on device" in result.stderr
-    (saved,) = tmp_path.glob("wbc-*/b.json")
-    assert set(json.loads(saved.read_text())["accuracies"]) == {"1e-06"}
-    assert f"written  {tmp_path / 'b.png'}" in result.stdout  # the others are written all the same
 
 
 def test_a_problem_file_is_recorded(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from tests.command import wbc_command
+from tests.command import signalling, wbc_command
 from wbc.cli.interrupts import noted_interrupts
 from wbc.controllers import Controller
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -45,25 +45,11 @@ def run(folder: Path, text: str, *options: object) -> Result:
     return wbc_command("run", path, *options)
 
 
-def signalling(
-    monkeypatch: pytest.MonkeyPatch, kind: type, method: str, number: int, at: int
-) -> None:
-    """Let a method of a class send a signal to this process when it is called for the nth time."""
-    original, calls = getattr(kind, method), iter(range(10**9))
-
-    def with_signal(*arguments: object, **named: object) -> object:
-        if next(calls) == at:
-            signal.raise_signal(number)
-        return original(*arguments, **named)
-
-    monkeypatch.setattr(kind, method, with_signal)
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_what_was_computed_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, code: int
 ) -> None:
-    signalling(monkeypatch, Controller, "step", number, at=20)
+    signalling(monkeypatch, Controller, "step", 21, number)
     answer = run(tmp_path, LONG, "-o", tmp_path / "r.json")
     assert answer.exit_code == code
     assert "interrupted: at 0.105 s of at most 1000 s" in answer.stdout  # 21 ticks
@@ -76,14 +62,14 @@ def test_without_an_output_it_is_kept_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    signalling(monkeypatch, Controller, "step", signal.SIGINT, at=3)
+    signalling(monkeypatch, Controller, "step", 4)
     answer = run(tmp_path, LONG, "-q")
     (kept,) = tmp_path.glob("wbc-*/long.npz")
     assert answer.stderr == f"error: interrupted; what was computed until then is in {kept}\n"
 
 
 def test_a_pendulum_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    signalling(monkeypatch, MomentumQp, "command", signal.SIGTERM, at=50)
+    signalling(monkeypatch, MomentumQp, "command", 51, signal.SIGTERM)
     answer = run(tmp_path, PENDULUM, "-o", tmp_path / "r.json")
     assert answer.exit_code == 143
     assert json.loads((tmp_path / "r.json").read_text())["status"] == "interrupted"

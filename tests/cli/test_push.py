@@ -1,18 +1,16 @@
 """``wbc push``: end to end, ended and gone on with, and refused."""
 
 import json
-import signal
 from pathlib import Path
 
 import pytest
 from typer.testing import Result
 
-from tests.command import wbc_command
+from tests.command import signalling, wbc_command
 from tests.texts import STAND
 from wbc.cli.push import ratios_of
 from wbc.errors import InvalidInputError
 from wbc.problem.pushed_problem import PushedProblem
-from wbc.simulation import PushOutcome
 
 PUSHED = STAND + "simulation: {duration: 1.0}\n"
 GRID = ("--directions", 2, "--ratios", "0.4,3.0", "--workers", 1)
@@ -78,15 +76,7 @@ def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
 ) -> None:
     whole = tmp_path / "whole.json"
     assert run(tmp_path, *GRID, "-o", whole, "-q").exit_code == 0
-    original, tried = PushedProblem.__call__, list[float]()
-
-    def counted(self: PushedProblem, angle: float, ratio: float) -> PushOutcome:
-        tried.append(ratio)
-        if len(tried) == 2:
-            signal.raise_signal(signal.SIGINT)
-        return original(self, angle, ratio)
-
-    monkeypatch.setattr(PushedProblem, "__call__", counted)
+    tried = signalling(monkeypatch, PushedProblem, "__call__", 2)
     parts = tmp_path / "parts.json"
     ended = run(tmp_path, *GRID, "-o", parts)
     assert ended.exit_code == 130
@@ -107,15 +97,7 @@ def test_ended_without_an_output_it_goes_on_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    original, tried = PushedProblem.__call__, list[float]()
-
-    def counted(self: PushedProblem, angle: float, ratio: float) -> PushOutcome:
-        tried.append(ratio)
-        if len(tried) == 1:
-            signal.raise_signal(signal.SIGINT)
-        return original(self, angle, ratio)
-
-    monkeypatch.setattr(PushedProblem, "__call__", counted)
+    tried = signalling(monkeypatch, PushedProblem, "__call__", 1)
     ended = run(tmp_path, *GRID)
     assert ended.exit_code == 130
     said = " ".join(ended.stdout.split())
