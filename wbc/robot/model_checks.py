@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
+from wbc.robot.limits import UNLIMITED
 from wbc.robot.notes import noted
 
 FREE_FLYER, BALL = "JointModelFreeFlyer", "JointModelSpherical"
@@ -28,6 +29,7 @@ LARGEST_SIZE, LARGEST_MASS = 20.0, 5000.0  # m, kg: beyond, the file is in other
 # rad: largest plausible median range of a robot's joints, a little more than two turns (continuous
 # joints are written as 1.5 turns); and the range that stands for no limit.
 MEDIAN_RANGE, NO_LIMIT = 13.0, 400.0
+LARGEST_EFFORT, LARGEST_SPEED = 1e5, 1e4  # N m or N, rad/s or m/s: of any robot's joint
 LEAST_MEDIAN_RANGE = 0.06  # rad: smallest plausible one; 3.4 rad read as degrees
 FEW_JOINTS = 6  # too few to tell a robot's size by their positions
 
@@ -44,6 +46,7 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     _check_joints(model, path)
     notes = _check_masses(model, path) + _check_inertias(model, path)
     notes += _oversized_links(model) + _unit_notes(model) + _immobile_joints(model)
+    notes += _placeholder_limits(model)
     _check_joint_inertia(model, path)
     return notes
 
@@ -196,6 +199,22 @@ def _immobile_joints(model: pin.Model) -> tuple[str, ...]:
         and model.lowerPositionLimit[model.idx_qs[j]] == model.upperPositionLimit[model.idx_qs[j]]
     ]
     return noted("limits leave these joints no range: {}", held)
+
+
+def _placeholder_limits(model: pin.Model) -> tuple[str, ...]:
+    """Note limits that bound nothing, such as the 1e9 that Gazebo's models have."""
+    notes = list[str]()
+    for kind, limits, largest in (
+        ("effort", model.effortLimit, LARGEST_EFFORT),
+        ("speed", model.velocityLimit, LARGEST_SPEED),
+    ):
+        vast = [
+            f"{model.names[j]} {limits[model.idx_vs[j]]:g}"
+            for j in range(2, model.njoints)
+            if largest < limits[model.idx_vs[j]] < UNLIMITED
+        ]
+        notes += noted(f"{kind} limits in the file that bound nothing: {{}}", vast)
+    return tuple(notes)
 
 
 def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason: str) -> None:
