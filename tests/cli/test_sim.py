@@ -39,7 +39,7 @@ def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> No
     picture = tmp_path / "push.png"
     done = wbc_command("sim", file, "-o", npz, "-o", summary, "-o", table, "--plot", picture)
     assert done.exit_code == 0, done.output
-    assert done.stdout.startswith("stood: stood for 0.300 s (150 ticks)")
+    assert done.stdout.startswith("stood for 0.300 s (150 ticks)")
     for words in ("push", "N s on base from 0.1 s for 0.1 s", "gave way", "CoP", "trunk", "torque"):
         assert words in done.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -72,7 +72,7 @@ def test_a_fall_is_exit_code_three(file: Path) -> None:
     strong = "simulation.pushes[0].impulse_ratio=4", "simulation.duration=2"
     done = wbc_command("sim", file, "--set", strong[0], "--set", strong[1])
     assert done.exit_code == 3, done.output
-    assert done.stdout.startswith("fell: fell at t = ")
+    assert done.stdout.startswith("fell at t = ")
     assert "of the ticks: " in done.stdout
 
 

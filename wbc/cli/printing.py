@@ -63,10 +63,11 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
 
 
 def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> Text:
-    """Return the line of a status."""
-    colour = "green" if status.good else "red"
-    head = Text(status.value.replace("_", " "), style=f"bold {colour}")
-    return head.append(f": {reason}", style="not bold default")
+    """Return the line of a status; a reason that begins with it does not repeat it."""
+    colour, word = "green" if status.good else "red", status.value.replace("_", " ")
+    rest = reason.removeprefix(word)
+    rest = rest if rest.startswith(" ") else f": {reason}"
+    return Text(word, style=f"bold {colour}").append(rest, style="not bold default")
 
 
 def print_line(name: str, text: str, style: str = "dim") -> None:
