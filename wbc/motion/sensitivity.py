@@ -68,26 +68,17 @@ def _covariances(
     # Each (m, r, nv), by xi, xi', xi''; and the base by joints with a planted foot.
     jacobians, base_by_joints = _jacobians(robot, moving, frames)
     recorded = noise.recorded
-    if noise.root is not None:
-        return _correlated_covariances(jacobians, noise, noise.root, frames)
-    if base_by_joints is None:
+    if noise.root is not None:  # channels are correlated
+        stacked = np.stack([one @ noise.root for one in jacobians], axis=1)  # (m, 3, r, k)
+    elif base_by_joints is None:
         deviations = np.concatenate((recorded.position, recorded.rotation, recorded.joints))
-        processes = jacobians
+        stacked = np.stack(jacobians, axis=1) * deviations  # (m, 3 p, r, channels)
     else:
-        deviations = recorded.joints
         own: list[Array] = [one[:, :, 6:] for one in jacobians]
         base: list[Array] = [one[:, :, :6] @ base_by_joints for one in jacobians]
         twice = noise.covariances.shape[1] > len(jacobians)
         processes = own + base if twice else [a + b for a, b in zip(own, base, strict=True)]
-    stacked = np.stack(processes, axis=1) * deviations  # (m, 3 p, r, channels)
-    return _process_covariance(noise.covariances[frames], stacked)
-
-
-def _correlated_covariances(
-    jacobians: list[Array], noise: FilteredNoise, root: Array, frames: NDArray[np.intp]
-) -> Array:
-    """Return covariances (m, r, r) of noise whose channels are correlated."""
-    stacked = np.stack([one @ root for one in jacobians], axis=1)  # (m, 3, r, k)
+        stacked = np.stack(processes, axis=1) * recorded.joints
     found = _process_covariance(noise.covariances[frames], stacked)
     if noise.constant is not None:
         constant = jacobians[0] @ noise.constant

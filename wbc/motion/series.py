@@ -332,8 +332,8 @@ class RmpSeries(ReadOnlyArrays):
         if self.uncertainty is None:
             return {}
         noise = self.uncertainty.noise
-        recorded = {"joints": noise.joints, "position": noise.position, "rotation": noise.rotation}
-        found = {f"noise/{name}": values for name, values in recorded.items()}
+        channels = ("joints", "position", "rotation")
+        found = {f"noise/{name}": getattr(noise, name) for name in channels}
         found["noise/beyond"] = np.array(self.uncertainty.beyond)
         arrays = self.uncertainty.arrays().items()
         return found | {f"deviation/{name}": values for name, values in arrays}

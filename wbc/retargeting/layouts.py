@@ -28,6 +28,7 @@ from wbc.robot.series import state_series
 from wbc.rotations import quaternion_from, same_sign
 from wbc.validate import Array
 
+OWN_ARRAYS = ("time", "q", "v", "acceleration", "contacts", "wrenches", "torque", "cop")
 ENDINGS = {"wbc": ".npz", "tracking": ".npz", "unitree": ".csv"}
 
 
@@ -65,22 +66,13 @@ def _save_own(motion: Any, path: str | Path) -> None:
         "broken": [vars(one) for one in motion.broken],
         "notes": list(motion.notes),
     }
-    names, targets, whole = motion.robot.joint_names, motion.targets, motion.whole
+    names, targets = motion.robot.joint_names, motion.targets
     arrays = {
         "summary": np.array(json.dumps(summary, indent=2, allow_nan=False)),
         "joint_names": np.array(names, dtype=str),
         "feet": np.array(["left", "right"], dtype=str),
-        "time": motion.time,
-        "q": motion.q,
-        "v": motion.v,
-        "acceleration": motion.acceleration,
-        "contacts": motion.contacts,
-        "wrenches": motion.wrenches,
-        "torque": motion.torque,
-        "cop": motion.cop,
-        "com": whole.com,
-        "momentum": whole.momentum,
-        "inertia": whole.inertia,
+        **{name: getattr(motion, name) for name in OWN_ARRAYS},
+        **{name: getattr(motion.whole, name) for name in ("com", "momentum", "inertia")},
         "human_com": targets.human_com,
         "human_angular_momentum": targets.angular_momentum,
         "human_inertia": targets.inertia,
