@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -180,18 +181,15 @@ def _length_notes(bones: Sequence[Bone]) -> list[str]:
     """Return notes of bones whose length varies, so that their ends are no joint centres."""
     at = {bone.landmark: bone.place for bone in bones if bone.landmark is not None}
     notes = list[str]()
-    for side in ("left", "right"):
-        for one, other in SEGMENTS:
-            ends = [at.get(f"{side}_{name}_centre") for name in (one, other)]
-            if ends[0] is None or ends[1] is None:
-                continue
-            length = np.linalg.norm(ends[0] - ends[1], axis=1)
-            if (
-                np.isfinite(length).any()
-                and (spread := float(np.nanstd(length))) > MAX_LENGTH_DEVIATION
-            ):
-                notes.append(
-                    f"the distance of {side} {one} and {other} varies by +- {1e3 * spread:.0f} mm:"
-                    " the bodies' origins are no joints"
-                )
+    for side, (one, other) in product(("left", "right"), SEGMENTS):
+        start, end = (at.get(f"{side}_{name}_centre") for name in (one, other))
+        if start is None or end is None:
+            continue
+        length = np.linalg.norm(start - end, axis=1)
+        spread = float(np.nanstd(length)) if np.isfinite(length).any() else 0.0
+        if spread > MAX_LENGTH_DEVIATION:
+            notes.append(
+                f"the distance of {side} {one} and {other} varies by +- {1e3 * spread:.0f} mm:"
+                " the bodies' origins are no joints"
+            )
     return notes

@@ -79,21 +79,14 @@ def _covariances(
         twice = noise.covariances.shape[1] > len(jacobians)
         processes = own + base if twice else [a + b for a, b in zip(own, base, strict=True)]
         stacked = np.stack(processes, axis=1) * recorded.joints
-    found = _process_covariance(noise.covariances[frames], stacked)
+    # Of filtered noise L L' these are L times independent ones.
+    mixed = np.einsum("mij,mirc->mrjc", _roots(noise.covariances[frames]), stacked)
+    mixed = mixed.reshape(len(frames), stacked.shape[2], -1)
+    found = np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
     if noise.constant is not None:
         constant = jacobians[0] @ noise.constant
         found = found + constant @ np.swapaxes(constant, 1, 2)
     return found
-
-
-def _process_covariance(filtered: Array, stacked: Array) -> Array:
-    """Return covariances (m, r, r) of processes (m, k, r, c) whose filtered noise has (m, k, k).
-
-    With filtered = L L', the processes are L times independent ones.
-    """
-    mixed = np.einsum("mij,mirc->mrjc", _roots(filtered), stacked)
-    mixed = mixed.reshape(len(stacked), stacked.shape[2], -1)
-    return np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
 
 
 def _roots(matrices: Array) -> Array:
