@@ -191,7 +191,10 @@ def least_com_displacement(
     tuple
         The displacement, and the CoP with it.
     """
-    edges = _edges(supports, len(cop))
+    most = max((len(one.edges) for one in supports), default=0)
+    edges = np.zeros((len(cop), most, 3))  # of each frame's support, padded with zeros
+    for one in supports:
+        edges[one.frames, : len(one.edges)] = one.edges
     edges[~np.isfinite(cop).all(axis=1)] = 0.0
     edges[[0, -1]] = 0.0  # the accelerations of the first and last frame are not known
     stencil = _cop_stencil(time_constant_sq, dt)
@@ -209,14 +212,6 @@ def least_com_displacement(
         gradient = OUTSIDE_WEIGHT * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
         e = _minimize(stencil, H, gradient)
     return e, cop + _apply_stencil(stencil, e)
-
-
-def _edges(supports: Sequence[SupportedFrames], count: int) -> Array:
-    """Return outward normals and offsets (n, m, 3) of each frame's support, padded with zeros."""
-    found = np.zeros((count, max((len(one.edges) for one in supports), default=0), 3))
-    for one in supports:
-        found[one.frames, : len(one.edges)] = one.edges
-    return found
 
 
 def cop_displacement(e: Array, time_constant_sq: Array, dt: float) -> Array:

@@ -37,7 +37,9 @@ def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) ->
     tasks.set_targets(0)
     q[:3] += targets.com[0] - robot.snapshot(q).com
     R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T
-    q = _rotate_about_vertical(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
+    turn = np.zeros(robot.nv)  # about the vertical through the base
+    turn[3:6] = robot.snapshot(q).rotation(BASE).T @ [0.0, 0.0, np.arctan2(R[1, 0], R[0, 0])]
+    q = robot.integrate(q, turn, 1.0)
     every = [*tasks.configuration_tasks, *tasks.feet.values()]
     controller = _controller(tasks, constraints, FIRST_FRAME_DT, 1e-4)
     for task in every:
@@ -51,14 +53,6 @@ def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) ->
     for task in every:
         task.gain = 0.1 if task is tasks.posture else 1.0
     return q
-
-
-def _rotate_about_vertical(robot: Robot, q: Array, yaw: float) -> Array:
-    """Return a configuration rotated about the vertical through its base."""
-    v = np.zeros(robot.nv)
-    R = robot.snapshot(q).rotation(BASE)
-    v[3:6] = R.T @ [0.0, 0.0, yaw]
-    return robot.integrate(q, v, 1.0)
 
 
 def _controller(

@@ -48,7 +48,8 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     known = [one.duration for one in steps if one.duration is not None]
     mean = float(np.mean(known)) if known else None
     steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or mean) for s in steps]
-    found = [steps[k] if k < len(steps) else steps[_repeated(k, len(steps))] for k in range(count)]
+    many = len(steps)  # after these the last two are repeated
+    found = [steps[k if k < many else (k - many) % 2 - 2] for k in range(count)]
     factors = np.ones(count)
     for k, factor in enumerate(RAMP[: count // 2]):
         factors[k] = min(factors[k], factor)
@@ -100,8 +101,3 @@ def posture_at(motion: Retargeted, time: float) -> Array:
     begin, period = stride(motion)
     phase = begin + (math.fmod(time, period) if time > 0.0 else 0.0)
     return motion.q[min(round(phase / motion.targets.dt), len(motion) - 1)]
-
-
-def _repeated(k: int, count: int) -> int:
-    """Return the index of step ``k`` among ``count``, when the last stride is repeated."""
-    return count - 2 + (k - count) % 2
