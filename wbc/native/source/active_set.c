@@ -68,7 +68,7 @@ WIDE static double remaining_square(active_set *a, int64_t row, const double *l)
     memcpy(a->target, l, a->size * sizeof *l);
     back_substitute(a);
     memset(a->left, 0, a->n * sizeof *a->left);
-    add_numbered(a->n, a->n, a->size, a->target, a->active, a->M, 0, a->left);
+    add_numbered(a->n, a->size, a->target, a->active, a->M, 0, a->left);
     for (int64_t i = 0; i < a->n; i++) a->left[i] -= a->M[row * a->n + i];
     for (int64_t j = 0; j < a->size; j++) soft += a->compliance[a->active[j]] * a->target[j] * a->target[j];
     return dot(a->n, a->left, a->left) + soft;
@@ -155,7 +155,7 @@ WIDE static void refine(active_set *a) {
     }
     solve_active(a, a->w, 0);
     for (int64_t j = 0; j < a->size; j++) a->z[j] += a->target[j], a->w[j] = -a->target[j];
-    add_numbered(a->n, a->n, a->size, a->w, a->active, a->M, 0, a->y);
+    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
 }
 
 /* Step towards the target (or, unbounded, along it) until a multiplier changes its sign. Returns its number; -1:
@@ -194,7 +194,7 @@ WIDE static int64_t most_violated(active_set *a, int64_t *side) {
         if (ROUNDING_SHARE * fabs(a->z[j]) > tolerance) tolerance = ROUNDING_SHARE * fabs(a->z[j]);
         a->w[j] = -a->z[j];
     }
-    add_numbered(a->n, a->n, a->size, a->w, a->active, a->M, 0, a->y);
+    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
     a->worst = tolerance;
     for (int64_t c = 0; c < a->candidates; c++) {
         const int64_t i = a->candidate[c];
@@ -248,7 +248,7 @@ WIDE static int transform(active_set *a, const double *H, const double *f, const
             for (int64_t c = 0; c < n; c++)
                 if (row[c] != 0.0) a->w[count] = row[c], a->candidate[count++] = c;
             memset(to, 0, n * sizeof *to);
-            add_numbered(n, n, count, a->w, a->candidate, a->inverse, 1, to);
+            add_numbered(n, count, a->w, a->candidate, a->inverse, 1, to);
         }
         const double length = sqrt(dot(n, to, to)), shift = dot(n, to, a->v);
         const double by = length > SHORTEST ? length : 1.0;

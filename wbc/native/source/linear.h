@@ -69,15 +69,15 @@ INLINE void add_rows(int64_t n, int64_t k, const double *c, const double *rows, 
 }
 
 /* The same for k rows by number; of a triangle (ascending numbers) from the diagonal on. */
-INLINE void add_numbered(int64_t n, int64_t stride, int64_t k, const double *c, const int64_t *number,
-                         const double *rows, int triangle, double *restrict to) {
+INLINE void add_numbered(int64_t n, int64_t k, const double *c, const int64_t *number, const double *rows,
+                         int triangle, double *restrict to) {
     for (int64_t r = 0; r < k; r += 4) {
         const double *row[4];
         const int64_t begin = triangle ? number[r] : 0;
         double by[4];
         for (int i = 0; i < 4; i++) {
             by[i] = r + i < k ? c[r + i] : 0.0;
-            row[i] = rows + number[r + i < k ? r + i : r] * stride + begin;
+            row[i] = rows + number[r + i < k ? r + i : r] * n + begin;
         }
         add_four(n - begin, by, row[0], row[1], row[2], row[3], to + begin);
     }

@@ -200,7 +200,7 @@ INLINE void reduce_gradient(const wbc_qp *qp, const reduced *r) {
     const int64_t *dependent = r->order, *free = r->order + k;
     double *gradient = r->gradient, *factor = r->factor;
     memcpy(gradient, qp->g, n * sizeof *gradient);
-    add_numbered(n, n, k, r->h, dependent, qp->P, 0, gradient); /* P is symmetric */
+    add_numbered(n, k, r->h, dependent, qp->P, 0, gradient); /* P is symmetric */
     for (int64_t d = 0; d < k; d++) factor[d] = gradient[dependent[d]];
     for (int64_t i = 0; i < left; i++) r->f[i] = gradient[free[i]];
     add_rows(r->coupled, k, factor, r->G, r->stride, r->f);
