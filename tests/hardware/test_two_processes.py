@@ -35,7 +35,15 @@ def test_a_simulated_robot_that_is_ended_by_a_signal_says_so(tmp_path: Path) -> 
     report = tmp_path / "sim.json"
     command = [sys.executable, "-u", "-m", "wbc", "hardware", "sim", "g1", "--bus", "udp"]
     command += ["--domain", str(DOMAIN + 30), "--report", str(report)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as sim:
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # tests may run under nohup themselves
+    try:
+        sim = subprocess.Popen(command, stdout=subprocess.PIPE)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    with sim:
         assert sim.stdout is not None and sim.stdout.readline().endswith(b"ready\n")
         sim.send_signal(signal.SIGHUP)
-        assert sim.wait(60.0) == 128 + signal.SIGHUP and report.exists()
+        try:
+            assert sim.wait(60.0) == 128 + signal.SIGHUP and report.exists()
+        finally:
+            sim.kill()
