@@ -87,6 +87,14 @@ def stepping(seconds: float = 3.0) -> HumanMotion:
     return moving(seconds, -0.085 * over, 0.0 * t, feet, 0.0 * t)
 
 
+def reaching_up(seconds: float = 2.5) -> HumanMotion:
+    """Return a human that stands and lifts its right arm above its head, within 0.6 s."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    still = {s: np.zeros((len(t), 3)) for s in ("left", "right")}
+    up = minimum_jerk(np.clip((t - 0.4) / 0.6, 0.0, 1.0))
+    return moving(seconds, 0.0 * t, 0.0 * t, still, 2.8 * up)
+
+
 def trajectory_problem(motion: Retargeted, collision: bool = True) -> TrajectoryProblem:
     """Return the least squares of a retargeted motion."""
     setup = robot_setup(motion.robot, None, 0.01 if collision else None)

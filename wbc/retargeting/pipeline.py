@@ -14,7 +14,13 @@ from wbc.retargeting.initial_guess import Progress
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.retries import MAX_ITERATIONS, solve_with_retries
 from wbc.retargeting.robot_setup import RobotSetup, robot_setup
-from wbc.retargeting.scaling import FROUDE, MotionScale, motion_scale
+from wbc.retargeting.scaling import (
+    FROUDE,
+    MotionScale,
+    momentum_notes,
+    momentum_scale,
+    motion_scale,
+)
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import Targets, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
@@ -141,9 +147,13 @@ def retarget(
 
     found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
     notes, reduced = [*setup.notes, *setup.body.notes, *found.notes(scale.time)], setup.robot
-    feet, moved = update_footprints(found.problem.tasks.targets.feet, reduced, found.q)
-    targets = replace(found.problem.tasks.targets, feet=feet)
-    notes += [*targets.notes, *moved, *penetration_notes(reduced, targets, found.q)]
+    tasks = found.problem.tasks
+    targets, k = tasks.targets, found.problem.states(found.q).part("momentum", 6)[:, 3:]
+    factor = momentum_scale(k, targets.angular_momentum, tasks.momentum)
+    feet, moved = update_footprints(targets.feet, reduced, found.q)
+    targets = replace(targets, feet=feet, angular_momentum=factor * targets.angular_momentum)
+    notes += [*targets.notes, *momentum_notes(factor), *moved]
+    notes += penetration_notes(reduced, targets, found.q)
     q = setup.fingers.all_joints(found.q)
     return evaluate(
         robot, setup, human.motion.source, found.scale, targets, q, friction, tuple(notes)

@@ -19,6 +19,8 @@ from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
 from wbc.validate import Array, finite_number
 
 FROUDE, KEPT = "froude", "kept"
+# Factors on the human's angular momentum, and from which one on a note tells it.
+MIN_MOMENTUM_SCALE, MAX_MOMENTUM_SCALE, NOTED_MOMENTUM_SCALE = 0.5, 3.0, 1.25
 DT, STEPS = 0.02, 60  # s, 1: ticks that bring a robot from standing to hanging arms
 
 
@@ -136,3 +138,33 @@ def motion_scale(
         time = finite_number("retarget, duration", duration, above=0.0)
     height = float(upright.com[2] - sole)
     return MotionScale(length, time, robot.mass / human.body.mass, height, standing.com_height)
+
+
+def momentum_scale(own: Array, human: Array, weights: Array) -> float:
+    """Return the factor on the human's angular momentum at which the robot's is nearest to it.
+
+    A robot whose arms are a larger part of its mass has more momentum in the same motion. At the
+    human's, scaled by m h sqrt(g h), it could not raise its arms as far.
+
+    Parameters
+    ----------
+    own, human:
+        Of the robot, and of the human, scaled (n, 3) [kg m^2/s].
+    weights:
+        Of the three axes (3,).
+    """
+    square = float(np.square(weights * human).sum())
+    if square == 0.0:
+        return 1.0
+    factor = float((weights**2 * own * human).sum()) / square
+    return min(max(factor, MIN_MOMENTUM_SCALE), MAX_MOMENTUM_SCALE)
+
+
+def momentum_notes(scale: float) -> list[str]:
+    """Return a note on a factor that is far from 1."""
+    if 1.0 / NOTED_MOMENTUM_SCALE < scale < NOTED_MOMENTUM_SCALE:
+        return []
+    return [
+        f"the angular momentum is {scale:.2f} times the human's, scaled: arms and legs have another"
+        " part of the mass"
+    ]

@@ -9,9 +9,11 @@ x = (d_0, ..., d_n-1) in the robot's tangent space, minimise
         + |mu ((v_k+2 - 2 v_k+1 + v_k)/dt^2 + (D^3 d)_k/dt^3)|^2   jerk,
 
 a Gauss-Newton step on the tasks' own rows, with u_k = A_k (v_k + (d_k+1 - d_k)/dt) +
-(dA_k/dq d_k) v_k - h_k. The rate of momentum is the ground's force: a CoM that is followed to a
-millimetre but trembles at 10 Hz puts the CoP outside the feet. Only frames at most three apart are
-coupled, so the normal equations are banded: linear in the number of frames.
+(dA_k/dq d_k) v_k - s h_k, and the factor s on the human's angular momentum that fits the present
+motion best (:func:`wbc.retargeting.scaling.momentum_scale`). The rate of momentum is the ground's
+force: a CoM that is followed to a millimetre but trembles at 10 Hz puts the CoP outside the feet.
+Only frames at most three apart are coupled, so the normal equations are banded: linear in the
+number of frames.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from scipy.spatial.transform import Rotation
 from wbc.constraints.collision import SelfCollision
 from wbc.gait.legs import SIDES
 from wbc.retargeting.normal_equations import NormalEquations, pad_rows
+from wbc.retargeting.scaling import momentum_scale
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -282,8 +285,9 @@ class TrajectoryProblem:
         tasks, targets = self.tasks, self.tasks.targets
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
         A, v = states.part("centroidal_map", 6, -1)[:-1], states.v[:-1]
-        wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
-        errors = (A @ v[..., None])[..., 0] - wanted
+        own, human = (A @ v[..., None])[..., 0], 0.5 * (k[:-1] + k[1:])
+        human = momentum_scale(own[:, 3:], human, tasks.momentum) * human
+        errors = own - np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, human))
         if unchanged:
             errors[:] = 0.0
         # v changes by (d_k+1 - d_k)/dt + v x (d_k + d_k+1)/2, whose second part joints do not have.
