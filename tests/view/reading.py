@@ -15,7 +15,7 @@ def plots(figure: Figure) -> dict[str, Any]:
     return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_title(loc="left")}
 
 
-def require_apart(figure: Figure, ticks: bool = True) -> None:
+def check_apart(figure: Figure, ticks: bool = True) -> None:
     """Fail if two texts overlap, ``ticks`` too, or one is cut off by the figure's edge."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()

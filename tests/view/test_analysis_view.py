@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.view.reading import plots, require_apart
+from tests.view.reading import check_apart, plots
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
@@ -45,7 +45,7 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
 @pytest.mark.parametrize("snapshots", [6, 10])
 def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
     figure = analysis_figure(still, title="Standing", snapshots=snapshots)
-    require_apart(figure, ticks=False)
+    check_apart(figure, ticks=False)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
-from tests.view.reading import plots, require_apart
+from tests.view.reading import check_apart, plots
 from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.validate import Array
 from wbc.view import style
@@ -71,7 +71,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_texts_keep_apart_and_legends_hide_no_line(case: str) -> None:
     figure = pendulum_figure(CASES[case], "A title")
-    require_apart(figure)
+    check_apart(figure)
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     for axes in figure.axes:
         legend = axes.get_legend()
@@ -157,7 +157,7 @@ def test_pushes_close_around_and_all_are_drawn() -> None:
         np.testing.assert_array_equal(radius, np.append(size, size[0]))
         np.testing.assert_allclose(np.cos(angle[:-1]), ROUND[:, 0], atol=1e-12)
         assert angle[0] == angle[-1]
-    require_apart(pushes_figure(ROUND, {"CoP alone": np.full(12, 15.0), "QP": np.full(12, 25.0)}))
+    check_apart(pushes_figure(ROUND, {"CoP alone": np.full(12, 15.0), "QP": np.full(12, 25.0)}))
 
 
 def test_regions_are_where_the_leans_are() -> None:
@@ -165,7 +165,7 @@ def test_regions_are_where_the_leans_are() -> None:
     times = np.arange(12.0).reshape(3, 4)
     times[0, 0] = np.nan
     figure = regions_figure(x, y, {"stabiliser": times, "LQR": 0.5 * times})
-    require_apart(figure)
+    check_apart(figure)
     first, second, _ = figure.axes
     np.testing.assert_allclose(first.images[0].get_extent(), (-15.0, 15.0, -6.0, 10.0))
     shown = first.images[0].get_array()

@@ -108,7 +108,7 @@ class Stage:
         self.draw(controller_info(controller), frame_at(controller, q, time))
         return controller.robot.snapshot(q)
 
-    def require_placed(self, layer: str, snapshot: wbc.Snapshot) -> None:
+    def check_placed(self, layer: str, snapshot: wbc.Snapshot) -> None:
         """Fail unless the nodes of a layer are where a robot's joints are."""
         rotations, origins = snapshot.joint_placements
         joints = list(self.server.scene._children_from_node_name[f"{WORLD}/{layer}"])

@@ -30,7 +30,7 @@ def test_links_and_ellipsoid_are_where_the_robot_is(stage, controller) -> None:
     rng = np.random.default_rng(0)
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
     snapshot = stage.show(controller, q)
-    stage.require_placed("robot", snapshot)
+    stage.check_placed("robot", snapshot)
     ball = stage.handle("/ellipsoid/surface")
     ellipsoid = equimomental(snapshot.inertia, robot.mass)
     np.testing.assert_allclose(ball.scale, ellipsoid.semi_axes, atol=1e-9)
@@ -46,7 +46,7 @@ def test_a_human_is_beside_the_robot(stages, controller) -> None:
     q = human.integrate(human.posture("neutral"), 0.3 * rng.normal(size=human.nv), 1.0)
     frame = frame_at(controller, controller.robot.posture("standing"), 0.0)
     stage.draw(replace(frame, beside=q))
-    stage.require_placed("human", human.snapshot(q))
+    stage.check_placed("human", human.snapshot(q))
 
 
 def test_six_masses_have_the_inertia_of_the_robot(stage, controller) -> None:
