@@ -43,5 +43,5 @@ def test_infeasible_attempts_return_the_least_infeasible(
 
     monkeypatch.setattr(retries, "project_onto_constraints", project)
     monkeypatch.setattr(pipeline, "evaluate", lambda *given: given)
-    q = wbc.retarget(crouching(1.0), hoap2, rounds=1)[5]
+    q = wbc.retarget(crouching(2.0), hoap2, rounds=1)[5]
     assert len(made) == 7 and np.array_equal(q, made[2].q)

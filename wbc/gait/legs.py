@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -199,7 +200,7 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
             " takes a hip, a knee and an ankle"
         )
     snapshot = robot.snapshot(robot.postures[STANDING])
-    knee, angles, lengths = _knee(robot, joints)
+    knee, angles, lengths = _knee(robot, side)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
     J = snapshot.jacobian(robot.feet[side].frame)
     columns = [int(robot.model.idx_vs[joint]) for joint in joints]
@@ -281,7 +282,7 @@ def knees_one_way(robot: Robot) -> Robot:
 
 def _knee_branch(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
     """Return a leg's knee, its angles and lengths on the side it bends to, and if both are open."""
-    knee, angles, lengths = _knee(robot, leg_joints(robot, side))
+    knee, angles, lengths = _knee(robot, side)
     straight = int(lengths.argmax())
     symmetric = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < SYMMETRY * float(
         np.ptp(angles)
@@ -305,7 +306,7 @@ def bent_backwards(snapshot: Snapshot) -> bool:
     _, origins = snapshot.joint_placements
     for side in SIDES:
         joints = leg_joints(robot, side)
-        knee, _, _ = _knee(robot, joints)
+        knee = knee_of(robot, side)
         angular = snapshot.jacobian(robot.feet[side].frame)[3:]
         axes = {joint: angular[:, robot.model.idx_vs[joint]] for joint in joints}
         axis = axes[knee]
@@ -342,12 +343,15 @@ def bending_joint(robot: Robot, joints: Sequence[int], tip: Array) -> int:
 
 def knee_of(robot: Robot, side: str) -> int:
     """Return the joint of a leg that shortens it most."""
-    return _knee(robot, leg_joints(robot, side))[0]
+    return _knee(robot, side)[0]
 
 
-def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
-    """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
-    return _bending_joint(robot, joints, joints[1:-1])
+@lru_cache(maxsize=16)  # a robot does not change, and is asked several times at the start of a walk
+def _knee(robot: Robot, side: str) -> tuple[int, Array, Array]:
+    """Return the knee of a leg, angles over its range, and the leg's lengths there."""
+    joints = leg_joints(robot, side)
+    knee, angles, lengths = _bending_joint(robot, joints, joints[1:-1])
+    return knee, read_only(angles), read_only(lengths)
 
 
 def _bending_joint(

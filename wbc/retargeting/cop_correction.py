@@ -31,7 +31,8 @@ from wbc.validate import Array
 EDGE_MARGIN, MAX_EDGE_MARGIN = 0.05, 0.3
 # Weights of squares of the CoP's displacements and of its distance outside the soles; the CoM's
 # displacements have 1.
-COP_WEIGHT, OUTSIDE_WEIGHT, MAX_NEWTON_ITERATIONS = 1e-3, 1e3, 12
+COP_WEIGHT, OUTSIDE_WEIGHT, MAX_NEWTON_ITERATIONS = 1e-3, 1e3, 30
+MIN_NEWTON_STEP = 1e-3  # part of Newton's step at which no better displacement is expected
 MIN_GRAVITY = 2.0  # m/s^2, of g + z'': below it, (nearly) in flight, there is no CoP
 
 
@@ -198,20 +199,35 @@ def least_com_displacement(
     edges[~np.isfinite(cop).all(axis=1)] = 0.0
     edges[[0, -1]] = 0.0  # the accelerations of the first and last frame are not known
     stencil = _cop_stencil(time_constant_sq, dt)
-    e: Array = np.zeros((len(cop), 2))
     start, active = np.nan_to_num(cop), np.zeros(edges.shape[:2], dtype=bool)
+    base = _distances(edges, start)
+
+    def cost(e: Array) -> float:
+        moved = _apply_stencil(stencil, e)
+        outside = np.maximum(base + (edges[..., :2] @ moved[..., None])[..., 0], 0.0)
+        squares = (np.square(one).sum() for one in (e, moved, outside))
+        return float(np.dot((1.0, COP_WEIGHT, OUTSIDE_WEIGHT), tuple(squares)))
+
+    e: Array = np.zeros((len(cop), 2))
     for number in range(MAX_NEWTON_ITERATIONS):
-        now = start + _apply_stencil(stencil, e)
-        outside = (edges[..., :2] @ now[..., None])[..., 0] - edges[..., 2]
-        if np.array_equal(outside > 0.0, active) and number > 0:
+        outside = _distances(edges, start + _apply_stencil(stencil, e)) > 0.0
+        if np.array_equal(outside, active) and number > 0:
             break
-        active = outside > 0.0
+        active = outside
         normals = np.where(active[..., None], edges[..., :2], 0.0)
         H = OUTSIDE_WEIGHT * np.swapaxes(normals, 1, 2) @ normals + COP_WEIGHT * np.eye(2)
-        base = (edges[..., :2] @ start[..., None])[..., 0] - edges[..., 2]
         gradient = OUTSIDE_WEIGHT * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
-        e = _minimize(stencil, H, gradient)
+        # Without a search along the step the active set cycles.
+        step, share, now = _minimize(stencil, H, gradient) - e, 1.0, cost(e)
+        while share > MIN_NEWTON_STEP and cost(e + share * step) > now:
+            share *= 0.5
+        e = e + share * step
     return e, cop + _apply_stencil(stencil, e)
+
+
+def _distances(edges: Array, points: Array) -> Array:
+    """Return how far (n, m) points (n, 2) are outside edges (n, m, 3): normals and offsets."""
+    return np.asarray((edges[..., :2] @ points[..., None])[..., 0] - edges[..., 2])
 
 
 def cop_displacement(e: Array, time_constant_sq: Array, dt: float) -> Array:

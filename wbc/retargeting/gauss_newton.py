@@ -22,7 +22,7 @@ MIN_ITERATIONS = 2
 # Accepted steps lower the damping, so that light tasks such as arms converge as well. If joints
 # still exceed their speeds or accelerations after so many iterations, it is raised again.
 ITERATIONS_BEFORE_DAMPING = 6
-DAMPING_DECREASE, MIN_DAMPING, DAMPING_INCREASE, MAX_DAMPING = 0.7, 1.0, 1.5, 15.0
+DAMPING_DECREASE, MIN_DAMPING, DAMPING_INCREASE, MAX_DAMPING = 0.5, 1.0, 1.5, 15.0
 MAX_RATIO = 1.02  # of speeds and accelerations to their limits: less excess is not slowed down
 
 

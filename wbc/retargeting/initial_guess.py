@@ -20,7 +20,7 @@ from wbc.validate import Array
 
 Progress = Callable[[int, int], None]
 FIRST_FRAME_STEPS, FIRST_FRAME_DT = 400, 0.02  # from standing to the first frame, at most; s
-COARSE_RATE = 25.0  # Hz
+COARSE_RATE = 16.0  # Hz
 FRAMES_PER_REPORT = 50  # from one call of ``progress`` to the next
 CONVERGED_STEP = 1e-5  # rad or m
 # Ticks per coarse frame at most, and the step that ends them. With one an arm that is raised by
@@ -55,7 +55,7 @@ def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) ->
         if float(np.abs(tick.velocity).max()) * FIRST_FRAME_DT < CONVERGED_STEP:
             break
     for task in every:
-        task.gain = 0.1 if task is tasks.posture else 1.0
+        task.gain = 1.0
     return q
 
 
@@ -71,6 +71,7 @@ def _controller(
         constraints=constraints,
         dt=dt,
         damping=damping,
+        solver="active_set",
     )
 
 

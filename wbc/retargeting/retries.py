@@ -24,7 +24,7 @@ ATTEMPTS, WEIGHT_FACTOR, TIME_FACTOR = 6, 0.5, 1.2
 MAX_OVERSPEED, EXTRA_STRETCH, MAX_STRETCH = 4.0, 0.03, 1.5
 MAX_COST_GROWTH = 1.5  # by the projection; above it a motion that is too fast is stretched instead
 # Factors on weights of the first attempt: many robots can follow these more closely.
-FIRST_ATTEMPT = {"com": 1.15, "momentum": 1.75, "lean": 20.0}
+FIRST_ATTEMPT = {"com": 1.15, "momentum": 1.75, "lean": 30.0}
 
 # From a scale and weights to the least squares of a motion, and the human's principal axes.
 ProblemBuilder = Callable[[MotionScale, RetargetWeights], tuple[TrajectoryProblem, Array]]

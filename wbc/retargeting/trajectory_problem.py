@@ -52,7 +52,7 @@ CUTOFF = 5.0
 # m: pairs of bodies with less clearance than the first get rows, and keep the second.
 ACTIVE_CLEARANCE, TARGET_CLEARANCE = 8e-3, 2e-3
 LIMIT_OFFSET = 2e-3  # rad
-MAX_ACTIVE_SETS = 2  # of joints at their limits, tried in one iteration
+MAX_ACTIVE_SETS = 1  # of joints at their limits, tried in one iteration
 INITIAL_DAMPING = 3.0  # Levenberg-Marquardt weight of displacements: rows are of first order only
 MAX_STEP = 0.3  # rad or m, of one frame in one iteration
 
