@@ -120,7 +120,7 @@ class RailController:
         self.torque = PART * robot.limits.effort
         self.zero = np.zeros(n)
         self.state = robot.postures["standing"], np.zeros(robot.nv)
-        self.wrong = ""
+        self.wrong, self.waits = "", False
         self.random = np.random.default_rng(7)
 
     def stand(self) -> None: ...
@@ -130,7 +130,8 @@ class RailController:
     def observe(self, reading: Reading) -> ControllerAnswer:
         return ControllerAnswer(None, *self.state)
 
-    def command(self, reading: Reading) -> ControllerAnswer:
+    def command(self, reading: Reading, waits: bool = False) -> ControllerAnswer:
+        self.waits = waits
         wrong, zero = self.wrong, self.zero
         if wrong == "raises":
             raise RuntimeError("a bug")

@@ -31,8 +31,7 @@ from tests.command import wbc_command
 from wbc.cli.hardware_run import _print, _printer
 from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Bus, BusError, Reading
-from wbc.hardware.loop import HardwareLoop
-from wbc.hardware.loop_result import NOT_RUN
+from wbc.hardware.loop import PROBLEM_BEGINS, HardwareLoop
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
@@ -73,9 +72,9 @@ def test_times_go_on_for_the_controller_where_the_robots_clock_jumped(
     """Back, its estimate stayed where it was; ahead, one reading was to stand for seconds."""
     asked, command = list[float](), rig.controller.command
 
-    def noted(reading: Reading) -> ControllerAnswer:
+    def noted(reading: Reading, waits: bool) -> ControllerAnswer:
         asked.append(reading.time)
-        return command(reading)
+        return command(reading, waits)
 
     monkeypatch.setattr(rig.controller, "command", noted)
     for shift in (0.0, jump, 2.0 * jump):
@@ -187,20 +186,51 @@ def test_run_on_the_way_up_begins_when_the_robot_is_up() -> None:
     assert rig.safety.mode is Mode.RUNNING
 
 
-def test_a_robot_that_is_up_and_not_run_goes_down_before_it_leans_too_far() -> None:
+def test_a_robot_that_is_up_balances_until_it_is_asked_to_run() -> None:
     """It leant by 0.25 rad after three seconds, and fell when it was then asked to run."""
-    rig = Rig()
+    rig, said = Rig(), list[str]()
+    rig.loop._say = said.append
     rig.wanted.extend((Wish.ARM, Wish.STAND))
-    rig.cycles(1.4)
-    assert rig.safety.mode is Mode.STANDING_UP
-    rig.cycles(0.5)
-    assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good
-    assert NOT_RUN in [event.what for event in rig.safety.events]
-    rig.wanted.append(Wish.STAND)  # and up again
-    rig.cycles(0.2)
+    rig.cycles(3.0)
+    assert rig.safety.mode is Mode.RUNNING and rig.controller.waits
+    assert said[-1] == "it balances: run begins the problem, sit goes down"
     rig.wanted.append(Wish.RUN)
     rig.cycles(0.1)
-    assert rig.safety.mode is Mode.RUNNING
+    assert rig.safety.mode is Mode.RUNNING and not rig.controller.waits
+    assert PROBLEM_BEGINS in [event.what for event in rig.safety.events]
+    rig.wanted.append(Wish.RUN)  # once more: refused
+    rig.cycles(0.1)
+    assert said[-1].startswith("run: running is not allowed in running")
+    rig.wanted.append(Wish.SIT)
+    rig.cycles(0.5)
+    assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good
+
+
+@pytest.mark.parametrize(
+    ("missing", "why", "good"),
+    [
+        ("an estimate", "no estimate: not yet", False),
+        ("ground", "it hangs: its feet bear 3 % of the weight", True),
+    ],
+)
+def test_a_robot_that_cannot_balance_goes_down_again(missing: str, why: str, good: bool) -> None:
+    """In a gantry the controller would stretch the legs at once."""
+    rig = Rig()
+
+    def observe(reading: Reading) -> ControllerAnswer:
+        if missing == "an estimate":
+            raise EstimateError("not yet")
+        return ControllerAnswer(None, *rig.controller.state, load=0.03)
+
+    rig.controller.observe = observe  # type: ignore[method-assign]
+    rig.wanted.extend((Wish.ARM, Wish.STAND))
+    rig.cycles(1.4)
+    rig.wanted.append(Wish.RUN)
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.STANDING_UP
+    rig.cycles(0.5)
+    assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good is good
+    assert why in [event.what for event in rig.safety.events]
 
 
 def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:

@@ -51,7 +51,7 @@ class WithHands:
         """Prepare a tick and return its controller; None to end."""
         found = self.first.update(tick, snapshot)
         if found is not None:
-            self.hands.time = tick * self.hands.controller.dt
+            self.hands.time = max(tick, 0) * self.hands.controller.dt
             self.hands.prepare(snapshot)
         return found
 

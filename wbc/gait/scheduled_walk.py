@@ -14,6 +14,7 @@ from wbc.gait.prescribed_steps import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
 from wbc.run.phase_support import PhaseSupport
+from wbc.run.supervisor import BEFORE_START
 from wbc.tasks import Task
 from wbc.validate import Array, finite_number
 
@@ -36,7 +37,7 @@ class ScheduledWalk:
     Parameters
     ----------
     walker:
-        Prescribed footsteps that it has begin at once.
+        Prescribed footsteps that it has begin with the first tick.
     commands:
         In order of time; before the first the robot stands, or makes its footsteps.
     forces:
@@ -62,7 +63,8 @@ class ScheduledWalk:
         self.complaint: str | None = None
         self.controller: Controller = walker.controller
         self._clipped: tuple[str, ...] = ()
-        self._step_count, self._tick = len(walker.coming), -1
+        self._steps, walker.coming = walker.coming, ()
+        self._step_count, self._tick = len(self._steps), BEFORE_START
         self._pending, self._forces, self._move_world = list(commands), forces, move_world
         self.standing = self._support()
 
@@ -87,7 +89,9 @@ class ScheduledWalk:
         dt = self.walker.dt
         time, ticks = tick * dt, max(tick - self._tick, 1)
         self._tick = tick
-        self.move_to(time)
+        self.move_to(max(time, 0.0))
+        if self._steps and tick >= 0:
+            self.walker.coming, self._steps = self._steps, ()
         while self._pending and time >= self._pending[0].at - 1e-9:
             command = self._pending.pop(0)
             reason = self.walker.command(*command.velocity).reason
@@ -105,6 +109,7 @@ class ScheduledWalk:
     def stop(self) -> None:
         """Stop walking, and drop the pending commands."""
         self._pending.clear()
+        self._steps = ()
         self.walker.command(0.0)
 
     def move_to(self, time: float) -> None:

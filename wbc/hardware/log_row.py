@@ -69,14 +69,14 @@ def log_row(
 
 
 def request_bits(job: Job) -> int:
-    """Return a request as bits: 1 if it begins, 2 for a command, 4 to come to rest."""
-    return job.begins + 2 * job.wants_command + 4 * job.comes_to_rest
+    """Return a request as bits: 1 if it begins, 2 for a command, 4 to come to rest, 8 to wait."""
+    return job.begins + 2 * job.wants_command + 4 * job.comes_to_rest + 8 * job.waits
 
 
 def request_of(row: Mapping[str, Array], reading: Reading) -> Job:
     """Return the job of a row's bits."""
     bits = int(row["asked"])
-    return Job(reading, bool(bits & 1), bool(bits & 2), bool(bits & 4))
+    return Job(reading, *(bool(bits & bit) for bit in (1, 2, 4, 8)))
 
 
 def reading_of(row: Mapping[str, Array]) -> Reading:

@@ -16,7 +16,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Bus, BusError, Command, Reading
 from wbc.hardware.log_row import log_fields, log_row
-from wbc.hardware.loop_result import NOT_RUN, LoopResult, is_fault
+from wbc.hardware.loop_result import HANGS, LoopResult, is_fault
 from wbc.hardware.loop_state import LoopState
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
@@ -43,9 +43,11 @@ BEFORE, AFTER = 10.0, 1.0  # s logged before and after an event
 # Rows of the ring for cycles while it is written: at least [s], and as a ratio of its length.
 SPARE, SPARE_RATIO = 1.0, 0.1
 REST_TIME = 6.0  # s for a walk to come to rest
-# s in which a robot that stands up waits for run, the estimator's half a second among them: its
-# joints hold a posture but do not balance, and it leans, twice as far in about a second.
+# s in which a robot that is up waits for an estimate, which takes half a second: its joints hold a
+# posture but do not balance, and it leans, twice as far in about a second.
 UNBALANCED_TIME = 1.5
+MIN_LOAD = 0.5  # part of the weight on the feet with which the controller may balance
+PROBLEM_BEGINS = "the problem begins"
 FINAL_STOPS = 5  # damping commands sent when the loop ends
 
 
@@ -290,7 +292,8 @@ class HardwareLoop:
             return
         commands = mode is Mode.RUNNING
         begins = not (state.is_commanding if commands else state.is_observing)
-        job = Job(state.pending_reading, begins, commands, state.sit_deadline is not None)
+        rests, waits = state.sit_deadline is not None, commands and state.waits
+        job = Job(state.pending_reading, begins, commands, rests, waits)
         self._worker.submit(job)
         state.request, state.request_sequence = job, job.reading.sequence
         state.is_commanding, state.is_observing, state.pending_reading = commands, True, None
@@ -369,7 +372,7 @@ class HardwareLoop:
         state, safety = self._state, self.safety
         has_readings = state.reading is not None and time - state.last_reading_time < SILENCE
         mode_time = time - state.mode_start
-        is_up = self._motions.up.is_over(time) and state.answer is not None
+        is_up = self._motions.up.is_over(time) and self._load >= MIN_LOAD
         status = LoopStatus(safety.mode, time - self._start, mode_time, has_readings, is_up)
         wish = self._operator.wish(status)
         try:
@@ -389,13 +392,19 @@ class HardwareLoop:
             self._on_mode_change(safety.mode, time)
 
     def _end_standing_up(self, time: float, is_up: bool) -> None:
-        """Run as soon as that is possible, if requested; else go down again before it leans."""
-        state = self._state
-        if is_up and state.runs_when_up:
+        """Let the controller balance if the feet bear, with an estimate; else go down again."""
+        if is_up:
             self.safety.run(time)
         elif self._motions.up.is_over(time - UNBALANCED_TIME):
-            error = f"no estimate: {state.error}" if state.error and not is_up else NOT_RUN
-            self.safety.soft_stop(time, error)
+            missing = f"no estimate: {self._state.error or 'no answer'}"
+            hangs = f"{HANGS}{100.0 * self._load:.0f} % of the weight"
+            self.safety.soft_stop(time, missing if self._state.answer is None else hangs)
+
+    @property
+    def _load(self) -> float:
+        """The part of the weight that the feet bear on the way up; 0 without an estimate."""
+        answer = self._state.answer
+        return 0.0 if answer is None else answer.load
 
     def _report_refusal(self, refusal: str, time: float) -> None:
         """Report why a wish is refused, at most once a second for the same reason."""
@@ -410,14 +419,7 @@ class HardwareLoop:
         if wish in actions:
             actions[wish](time)
         elif wish is Wish.RUN:
-            if safety.mode is Mode.STANDING_UP and not is_up:
-                if state.error:
-                    raise ForbiddenTransition(f"no estimate: {state.error}")
-                if not state.runs_when_up:
-                    self._say("run: as soon as it is up")
-                state.runs_when_up = True
-                return
-            safety.run(time)
+            self._begin_problem(time, is_up)
         elif wish is Wish.SIT:
             if safety.mode is Mode.RUNNING:
                 state.sit_deadline = time + REST_TIME
@@ -432,12 +434,32 @@ class HardwareLoop:
                 raise ForbiddenTransition(f"sit, or stop, first: {safety.mode}")
             state.ended = "asked to quit"
 
+    def _begin_problem(self, time: float, is_up: bool) -> None:
+        """Begin the problem: now if the robot is up, else as soon as it is."""
+        state, safety = self._state, self.safety
+        if safety.mode is Mode.RUNNING and state.waits:
+            state.waits = False
+            safety.events.append(Event(time, PROBLEM_BEGINS, safety.mode))
+            self._say(f"{time - self._start:8.3f} s  {safety.mode}: {PROBLEM_BEGINS}")
+        elif safety.mode is Mode.STANDING_UP and not is_up:
+            if state.error:
+                raise ForbiddenTransition(f"no estimate: {state.error}")
+            if not state.runs_when_up:
+                self._say("run: as soon as it is up")
+            state.runs_when_up = True
+        else:
+            safety.run(time)
+            state.runs_when_up = True
+
     def _on_mode_change(self, mode: Mode, time: float) -> None:
         """Record a mode that began; schedule a log after a fault's stop."""
         state = self._state
         self._say(f"{time - self._start:8.3f} s  {mode}: {self.safety.events[-1].what}")
         state.mode, state.mode_start = mode, time
         state.is_commanding = state.is_observing = False
+        state.waits = mode is Mode.RUNNING and not state.runs_when_up
+        if state.waits:
+            self._say("it balances: run begins the problem, sit goes down")
         if mode is Mode.STANDING_UP:
             state.answer, state.error, state.runs_when_up = None, "", False
             self._motions.up.end()

@@ -10,7 +10,7 @@ from wbc.hardware.safety import REQUESTED, Answer, Event, Fault
 from wbc.validate import Array
 
 STOPPING = (Answer.SOFT_STOP, Answer.STOP)
-NOT_RUN = "nobody asked it to run, and joints hold a posture without balance"
+HANGS = "it hangs: its feet bear "
 
 
 @dataclass(frozen=True)
@@ -65,4 +65,4 @@ class LoopResult:
 
 def is_fault(event: Event) -> bool:
     """Return whether an event is a stop that nobody requested."""
-    return event.answer in STOPPING and not event.what.startswith((REQUESTED, NOT_RUN))
+    return event.answer in STOPPING and not event.what.startswith((REQUESTED, HANGS))

@@ -41,6 +41,7 @@ class LoopState:
     mode: Mode = Mode.IDLE
     mode_start: float = 0.0
     runs_when_up: bool = False  # whether run was requested on the way up
+    waits: bool = False  # whether the controller balances, and the problem has not begun
     sit_deadline: float | None = None  # latest time to begin going down
     log_time: float | None = None
     event: str = ""

@@ -33,7 +33,7 @@ class LoopStatus(NamedTuple):
     time: float  # since the loop began [s]
     mode_time: float  # since the mode began [s]
     hears: bool  # whether readings arrive
-    is_up: bool  # whether the robot has stood up, and there is an estimate
+    is_up: bool  # whether the robot stands on its feet, and there is an estimate
 
 
 class Operator(Protocol):

@@ -18,7 +18,7 @@ from wbc.hardware.bus import Command, Reading
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.rotations import quaternion_from, rotation_from
-from wbc.run.supervisor import Supervisor
+from wbc.run.supervisor import BEFORE_START, Supervisor
 from wbc.validate import Array
 
 STIFFNESS_FADE = 0.3  # s in which the stiffness of standing up fades
@@ -145,6 +145,8 @@ class ControllerAnswer:
         Whether the robot stands on both feet; True for problems that are no walks.
     sure:
         Uncertainty of the estimate.
+    load:
+        Part of the weight that the feet bear before the controller commands.
     """
 
     command: Command | None
@@ -154,6 +156,7 @@ class ControllerAnswer:
     report: str = ""
     at_rest: bool = True
     sure: StateUncertainty = EXACT
+    load: float = 1.0
 
 
 class RobotController:
@@ -186,7 +189,7 @@ class RobotController:
         self.robot: Robot = supervisor.controller.robot
         self.dt = supervisor.controller.dt
         self._start, self._kd, self._kp = start, following, stiffness
-        self._ticks, self._start_time = 0, 0.0
+        self._ticks, self._start_time, self._begin_time = 0, 0.0, 0.0
         self._rotation: Array = np.eye(3)
         self._shift = np.zeros(3)
         self._held_position: Array = start[BASE_NQ:]
@@ -198,11 +201,12 @@ class RobotController:
     def observe(self, reading: Reading) -> ControllerAnswer:
         """Estimate only."""
         q, v = self.estimator.update(reading)
-        return ControllerAnswer(None, q, v, sure=self.estimator.sure)
+        load = self._load(q, reading.torque)
+        return ControllerAnswer(None, q, v, sure=self.estimator.sure, load=load)
 
     def begin(self, reading: Reading) -> None:
-        """Begin to run: the robot stands on its feet."""
-        self._ticks, self._start_time = 0, reading.time
+        """Begin to command: the robot stands on its feet."""
+        self._ticks, self._start_time, self._begin_time = 0, reading.time, reading.time
         q, _ = self.estimator.update(reading)
         goal, actual = (yaw_of(rotation_from(one[3:7])) for one in (self._start, q))
         self._rotation = turned(goal - actual)
@@ -211,8 +215,13 @@ class RobotController:
         self._shift = np.array((*(self._start[:2] - rotated[:2]), -sole_error))
         self._held_position = reading.position
 
-    def command(self, reading: Reading) -> ControllerAnswer:
+    def command(self, reading: Reading, waits: bool = False) -> ControllerAnswer:
         """Return the command for a reading.
+
+        Parameters
+        ----------
+        waits:
+            The robot balances where the problem begins, which does not begin yet.
 
         Raises
         ------
@@ -226,9 +235,11 @@ class RobotController:
         q[:3] = self._rotation @ q[:3] + self._shift
         q[3:7] = quaternion_from(self._rotation @ rotation_from(q[3:7]))
         snapshot = self.robot.snapshot(q, v)
-        # By the robot's clock: missed ticks are skipped.
-        self._ticks = max(round((reading.time - self._start_time) / self.dt), self._ticks)
-        controller = self.supervisor.update(self._ticks, snapshot)
+        if waits:
+            self._start_time = reading.time + self.dt
+        else:  # by the robot's clock: missed ticks are skipped
+            self._ticks = max(round((reading.time - self._start_time) / self.dt), self._ticks)
+        controller = self.supervisor.update(BEFORE_START if waits else self._ticks, snapshot)
         if controller is None:
             raise WbcError(self.supervisor.complaint or "the problem has come to its end")
         tick = controller.step(snapshot)
@@ -237,8 +248,8 @@ class RobotController:
                 f"hardware: a {type(controller).__name__} commands no torques; a problem for a"
                 " robot is one of the torque level (controller: {level: torque}, or a gait)"
             )
-        fade = max(1.0 - self._ticks * self.dt / STIFFNESS_FADE, 0.0)
-        self._ticks += 1
+        fade = max(1.0 - (reading.time - self._begin_time) / STIFFNESS_FADE, 0.0)
+        self._ticks += not waits
         rates = tick.velocity[BASE_NV:]
         command = Command(0, self._held_position, rates, tick.torque, fade * self._kp, self._kd)
         ok = tick.ok or tick.policy in USABLE_POLICIES
@@ -261,6 +272,13 @@ class RobotController:
     def notes(self) -> Sequence[str]:
         """The supervisor's notes."""
         return self.supervisor.notes
+
+    def _load(self, q: Array, torque: Array) -> float:
+        """Return the part of the weight that the feet bear, by the joints' torques (n,) at rest."""
+        s = self.robot.snapshot(q)
+        J = [s.jacobian(foot.frame)[:, BASE_NV:] for foot in self.robot.feet.values()]
+        wrenches = np.linalg.lstsq(np.vstack(J).T, s.bias[BASE_NV:] - torque, rcond=None)[0]
+        return float(wrenches[2::6].sum()) / self.robot.weight
 
     def _sole_height(self, q: Array) -> float:
         """Return the height of the lowest sole [m]."""

@@ -34,12 +34,15 @@ class Job(NamedTuple):
         Whether a command is requested, not only an estimate.
     comes_to_rest:
         Whether the robot should come to rest.
+    waits:
+        Whether it balances where the problem begins, which does not begin yet.
     """
 
     reading: Reading
     begins: bool
     wants_command: bool
     comes_to_rest: bool
+    waits: bool = False
 
 
 class WorkerOutcome(NamedTuple):
@@ -161,8 +164,9 @@ def run_job(controller: RobotController, job: Job) -> WorkerOutcome:
                 controller.stand()
         if job.comes_to_rest:
             controller.come_to_rest()
-        ask = controller.command if job.wants_command else controller.observe
-        return WorkerOutcome(ask(job.reading))
+        if not job.wants_command:
+            return WorkerOutcome(controller.observe(job.reading))
+        return WorkerOutcome(controller.command(job.reading, job.waits))
     except EstimateError as error:
         return WorkerOutcome(None, str(error), no_estimate=True)
     except WbcError as error:

@@ -186,7 +186,7 @@ class PhaseExecutor:
         None if the next phase cannot begin, as a foot that it stands on is in the air:
         :attr:`complaint` says so.
         """
-        dt = self.controller.dt
+        dt, tick = self.controller.dt, max(tick, 0)
         if self._move_world is not None:
             self._move_world(tick * dt)
         while self._pending:

@@ -10,6 +10,8 @@ from wbc.robot import Snapshot
 from wbc.run.phase_support import PhaseSupport
 from wbc.tasks import Task
 
+BEFORE_START = -1
+
 
 class Supervisor(Protocol):
     """Prepares every tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
@@ -33,7 +35,11 @@ class Supervisor(Protocol):
         """All tasks whose errors are recorded."""
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
-        """Prepare a tick and return its controller; None to end."""
+        """Prepare a tick and return its controller; None to end.
+
+        ``tick`` counts from 0; before, :data:`BEFORE_START` may be given any number of times: the
+        robot stands where the problem begins.
+        """
 
     def move_to(self, time: float) -> None:
         """Set moving targets and obstacles to their values at ``time`` [s]."""
