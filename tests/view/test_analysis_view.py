@@ -35,7 +35,7 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
     assert len(named) == 6
     radii = {line.get_label(): line for line in named["Reaction mass radii"].lines}
     np.testing.assert_allclose(radii["r₁"].get_ydata(), 1e3 * still.radii[:, 0])
-    ground = {line.get_label(): line for line in named["Ground, along x (forward)"].lines}
+    ground = {line.get_label(): line for line in named["Ground, along x of the world"].lines}
     np.testing.assert_allclose(ground["CoP"].get_ydata(), 1e3 * still.cop[:, 0])
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
     assert titles == ["a)  0.00 s", "b)  1.00 s", "c)  1.99 s"]

@@ -24,11 +24,9 @@ XYZ = (style.BLUE, style.VERMILION, style.GREEN)
 Plot = Callable[[Axes, RmpSeries, Sequence[int]], None]
 
 
-def plot_ground(
-    axes: Axes, series: RmpSeries, frames: Sequence[int], k: int, direction: str
-) -> None:
-    """Plot CoM, CoP and CMP along a horizontal axis: x (k = 0) or y (1)."""
-    prepare(axes, series, frames, f"Ground, along {direction}", "mm")
+def plot_ground(axes: Axes, series: RmpSeries, frames: Sequence[int], k: int) -> None:
+    """Plot CoM, CoP and CMP along a horizontal axis of the world: x (k = 0) or y (1)."""
+    prepare(axes, series, frames, f"Ground, along {'xy'[k]} of the world", "mm")
     for name, label, colour in (
         ("com", "CoM", style.BLACK),
         ("cmp", "CMP", style.ORANGE),
@@ -82,14 +80,14 @@ def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
 
 
 def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
-    """Plot the leg's lean from the vertical, forward and left, and its length on the right."""
+    """Plot the leg's lean from the vertical, to x and to y, and its length on the right."""
     prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
-    # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
+    # Theta turns the leg from x to z: what leans to x has a theta below 90 degrees.
     for k, colour in enumerate((style.BLUE, style.VERMILION)):
         band(axes, series, "leg_angles", DEGREES, colour, k, (-1.0, 1.0)[k] * lean[:, k])
-    curve(axes, series, -lean[:, 0], "forward", style.BLUE)
-    curve(axes, series, lean[:, 1], "left", style.VERMILION)
+    curve(axes, series, -lean[:, 0], "to x", style.BLUE)
+    curve(axes, series, lean[:, 1], "to y", style.VERMILION)
     other = style.right_axis(axes, "length [mm]", style.GREY)
     length = MM * series.leg_length
     other.plot(series.time, length, "--", color=style.GREY, linewidth=WIDTH, label="length")
@@ -109,8 +107,8 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
 
 
 PLOTS: tuple[Plot, ...] = (
-    partial(plot_ground, k=0, direction="x (forward)"),
-    partial(plot_ground, k=1, direction="y (left)"),
+    partial(plot_ground, k=0),
+    partial(plot_ground, k=1),
     plot_margin,
     plot_radii,
     plot_leg,
