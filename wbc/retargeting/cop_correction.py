@@ -199,35 +199,33 @@ def least_com_displacement(
     edges[~np.isfinite(cop).all(axis=1)] = 0.0
     edges[[0, -1]] = 0.0  # the accelerations of the first and last frame are not known
     stencil = _cop_stencil(time_constant_sq, dt)
-    start, active = np.nan_to_num(cop), np.zeros(edges.shape[:2], dtype=bool)
-    base = _distances(edges, start)
+    base = (edges[..., :2] @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
 
-    def cost(e: Array) -> float:
+    def evaluate(e: Array) -> tuple[float, Array]:
+        """Return the cost of a displacement, and how far its CoP is outside each edge (n, m)."""
         moved = _apply_stencil(stencil, e)
-        outside = np.maximum(base + (edges[..., :2] @ moved[..., None])[..., 0], 0.0)
-        squares = (np.square(one).sum() for one in (e, moved, outside))
-        return float(np.dot((1.0, COP_WEIGHT, OUTSIDE_WEIGHT), tuple(squares)))
+        outside = base + (edges[..., :2] @ moved[..., None])[..., 0]
+        squares = [np.square(one).sum() for one in (e, moved, np.maximum(outside, 0.0))]
+        return float(np.dot((1.0, COP_WEIGHT, OUTSIDE_WEIGHT), squares)), outside
 
     e: Array = np.zeros((len(cop), 2))
+    cost, outside = evaluate(e)
+    active = np.zeros(edges.shape[:2], dtype=bool)
     for number in range(MAX_NEWTON_ITERATIONS):
-        outside = _distances(edges, start + _apply_stencil(stencil, e)) > 0.0
-        if np.array_equal(outside, active) and number > 0:
+        if np.array_equal(outside > 0.0, active) and number > 0:
             break
-        active = outside
+        active = outside > 0.0
         normals = np.where(active[..., None], edges[..., :2], 0.0)
         H = OUTSIDE_WEIGHT * np.swapaxes(normals, 1, 2) @ normals + COP_WEIGHT * np.eye(2)
         gradient = OUTSIDE_WEIGHT * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
-        # Without a search along the step the active set cycles.
-        step, share, now = _minimize(stencil, H, gradient) - e, 1.0, cost(e)
-        while share > MIN_NEWTON_STEP and cost(e + share * step) > now:
+        step, share, before = _minimize(stencil, H, gradient) - e, 1.0, cost
+        while True:  # without a search along the step the active set cycles
+            cost, outside = evaluate(e + share * step)
+            if cost <= before or share < MIN_NEWTON_STEP:
+                break
             share *= 0.5
         e = e + share * step
     return e, cop + _apply_stencil(stencil, e)
-
-
-def _distances(edges: Array, points: Array) -> Array:
-    """Return how far (n, m) points (n, 2) are outside edges (n, m, 3): normals and offsets."""
-    return np.asarray((edges[..., :2] @ points[..., None])[..., 0] - edges[..., 2])
 
 
 def cop_displacement(e: Array, time_constant_sq: Array, dt: float) -> Array:
