@@ -81,19 +81,19 @@ def test_frames_in_flight_leave_the_cop_undefined(cop: Array) -> None:
     assert np.abs(found[51:-1]).max() < 0.1  # where it lands it is inside
 
 
-@pytest.mark.parametrize("seed", [0, 4, 8])
+@pytest.mark.parametrize("seed", [1, 22, 24])
 def test_a_trembling_cop_over_feet_that_roll_is_brought_as_near_as_a_qp_brings_it(
     seed: int,
 ) -> None:
-    """The active set cycled: here CoMs were off by up to 20 mm, of recorded people by 23."""
+    """The active set cycled: CoMs were off by up to 116 mm, those of recorded people by 45."""
     rng = np.random.default_rng(seed)
-    cop = 0.01 * rng.normal(size=(COUNT, 2)).cumsum(axis=0)
+    cop = 0.02 * rng.normal(size=(COUNT, 2)).cumsum(axis=0)
     touching = SOLE, SOLE[1:3] + (0.05, 0.2, 0.0)  # a sole, and the front edge of another
     own = tuple(
         SupportedFrames(np.arange(10 * k, 10 * k + 10), ((k % 2, touching[k % 2]),))
         for k in range(6)
     )
-    time_constant_sq = 0.07 + 0.01 * rng.uniform(size=COUNT)
+    time_constant_sq = 0.03 + 0.01 * rng.uniform(size=COUNT)
     off, _ = least_com_displacement(cop, time_constant_sq, DT, own)
     both, rows, most = np.kron(cop_matrix(time_constant_sq), np.eye(2)), [], []
     for one in own:

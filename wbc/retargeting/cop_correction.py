@@ -31,7 +31,7 @@ from wbc.validate import Array
 EDGE_MARGIN, MAX_EDGE_MARGIN = 0.05, 0.3
 # Weights of squares of the CoP's displacements and of its distance outside the soles; the CoM's
 # displacements have 1.
-COP_WEIGHT, OUTSIDE_WEIGHT, MAX_NEWTON_ITERATIONS = 1e-3, 1e3, 30
+COP_WEIGHT, OUTSIDE_WEIGHT, MAX_NEWTON_ITERATIONS = 1e-3, 1e3, 60
 MIN_NEWTON_STEP = 1e-3  # part of Newton's step at which no better displacement is expected
 MIN_GRAVITY = 2.0  # m/s^2, of g + z'': below it, (nearly) in flight, there is no CoP
 
@@ -178,7 +178,8 @@ def least_com_displacement(
 
     The least squares of the displacements of the CoM and, weighted less, of the CoP. Distances
     outside the soles weigh much more, so that an infeasible CoP is nearly met. Newton's method with
-    the violated edges as active set; the Hessian is banded, x and y of five frames.
+    the violated edges as active set; the Hessian is banded, x and y of five frames. Full steps may
+    cycle: they are halved until the cost is no higher than two steps before.
 
     Parameters
     ----------
@@ -210,21 +211,21 @@ def least_com_displacement(
 
     e: Array = np.zeros((len(cop), 2))
     cost, outside = evaluate(e)
-    active = np.zeros(edges.shape[:2], dtype=bool)
-    for number in range(MAX_NEWTON_ITERATIONS):
-        if np.array_equal(outside > 0.0, active) and number > 0:
-            break
+    recent = cost, cost
+    for _ in range(MAX_NEWTON_ITERATIONS):
         active = outside > 0.0
         normals = np.where(active[..., None], edges[..., :2], 0.0)
         H = OUTSIDE_WEIGHT * np.swapaxes(normals, 1, 2) @ normals + COP_WEIGHT * np.eye(2)
         gradient = OUTSIDE_WEIGHT * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
-        step, share, before = _minimize(stencil, H, gradient) - e, 1.0, cost
-        while True:  # without a search along the step the active set cycles
+        step, share = _minimize(stencil, H, gradient) - e, 1.0
+        while True:
             cost, outside = evaluate(e + share * step)
-            if cost <= before or share < MIN_NEWTON_STEP:
+            if cost <= max(recent) or share < MIN_NEWTON_STEP:
                 break
             share *= 0.5
-        e = e + share * step
+        e, recent = e + share * step, (recent[1], cost)
+        if share == 1.0 and np.array_equal(outside > 0.0, active):
+            break
     return e, cop + _apply_stencil(stencil, e)
 
 
