@@ -120,7 +120,7 @@ class RailController:
         self.torque = PART * robot.limits.effort
         self.zero = np.zeros(n)
         self.state = robot.postures["standing"], np.zeros(robot.nv)
-        self.wrong, self.waits = "", False
+        self.wrong, self.waits, self.load = "", False, 1.0
         self.random = np.random.default_rng(7)
 
     def stand(self) -> None: ...
@@ -128,7 +128,7 @@ class RailController:
     def come_to_rest(self) -> None: ...
 
     def observe(self, reading: Reading) -> ControllerAnswer:
-        return ControllerAnswer(None, *self.state)
+        return ControllerAnswer(None, *self.state, load=self.load)
 
     def command(self, reading: Reading, waits: bool = False) -> ControllerAnswer:
         self.waits = waits
@@ -146,7 +146,8 @@ class RailController:
             torque, position, velocity = (1e4 * draw(size=len(zero)) for _ in range(3))
             kp = 1e4 * np.abs(draw(size=len(zero)))
         command = Command(0, position, velocity, torque, kp, kp)
-        return ControllerAnswer(command, *self.state, ok=wrong != "unsolved", report="no solution")
+        ok = wrong != "unsolved"
+        return ControllerAnswer(command, *self.state, ok=ok, report="no solution", load=self.load)
 
 
 @cache

@@ -16,6 +16,7 @@ from mkdocs.utils import get_relative_url
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from roles import ROLE, name_of
 from yaml_reference import yaml_reference
 
 from wbc.cli import app
@@ -33,7 +34,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that the program writes itself, and the script for searching in files."""
     script = Path(__file__).with_name("iframe-worker.js").read_text()
     files.append(File.generated(config, SHIM, content=script))
-    files.append(File.generated(config, "reference/yaml.md", content=yaml_reference(json_schema())))
+    files.append(
+        File.generated(
+            config, "reference/yaml.md", content=ROLE.sub(name_of, yaml_reference(json_schema()))
+        )
+    )
     files.append(File.generated(config, "reference/cli.md", content=command_reference()))
     return files
 

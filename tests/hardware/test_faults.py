@@ -193,14 +193,14 @@ def test_a_robot_that_is_up_balances_until_it_is_asked_to_run() -> None:
     rig.wanted.extend((Wish.ARM, Wish.STAND))
     rig.cycles(3.0)
     assert rig.safety.mode is Mode.RUNNING and rig.controller.waits
-    assert said[-1] == "it balances: run begins the problem, sit goes down"
+    assert said[-1] == "it balances where the problem begins: run begins it, sit goes down"
     rig.wanted.append(Wish.RUN)
     rig.cycles(0.1)
     assert rig.safety.mode is Mode.RUNNING and not rig.controller.waits
     assert PROBLEM_BEGINS in [event.what for event in rig.safety.events]
     rig.wanted.append(Wish.RUN)  # once more: refused
     rig.cycles(0.1)
-    assert said[-1].startswith("run: running is not allowed in running")
+    assert said[-1].startswith("run: the problem has begun already")
     rig.wanted.append(Wish.SIT)
     rig.cycles(0.5)
     assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good
@@ -231,6 +231,33 @@ def test_a_robot_that_cannot_balance_goes_down_again(missing: str, why: str, goo
     rig.cycles(0.5)
     assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good is good
     assert why in [event.what for event in rig.safety.events]
+
+
+def test_a_robot_that_is_hoisted_while_it_balances_goes_down() -> None:
+    rig = Rig()
+    rig.wanted.extend((Wish.ARM, Wish.STAND))
+    rig.cycles(1.0)
+    assert rig.safety.mode is Mode.RUNNING and rig.controller.waits
+    rig.controller.load = 0.2
+    rig.cycles(0.08)
+    assert rig.safety.mode is Mode.RUNNING
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.SOFT_STOP
+    assert "it hangs: its feet bear 20 % of the weight" in [one.what for one in rig.safety.events]
+
+
+def test_an_answer_to_a_request_of_the_mode_before_is_dropped(rig: Rig) -> None:
+    """It counted as an estimate on the way up, with the weight on the feet."""
+    rig.cycle()
+    late = rig.loop._worker
+    rig.loop._worker = HungWorker()  # type: ignore[assignment]
+    rig.cycles(0.5)
+    rig.loop._worker = late
+    late.submit(Job(rig.loop._state.reading, begins=False, wants_command=True, comes_to_rest=False))
+    rig.loop._state.is_stale = True
+    rig.loop._state.answer = None
+    rig.cycle()
+    assert rig.loop._state.answer is None and not rig.loop._state.is_stale
 
 
 def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:
@@ -272,10 +299,11 @@ def test_an_estimator_that_raises_ends_standing_up_in_words() -> None:
 
 
 def test_what_there_is_no_estimate_for_is_told_who_wants_to_run() -> None:
-    rig = stands_up_beside(EstimateError("it moves"))
+    rig, said = stands_up_beside(EstimateError("it moves")), list[str]()
+    rig.loop._say = said.append
     rig.wanted.append(Wish.RUN)
     rig.cycle()
-    assert rig.safety.events[-1].what == "run: no estimate: it moves"
+    assert said == ["run: as soon as it is up; no estimate yet: it moves"]
 
 
 def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Path) -> None:
@@ -359,7 +387,8 @@ def test_wishes_that_are_not_allowed_change_nothing(rig: Rig) -> None:
         rig.wanted.append(wish)
         rig.cycle()
         assert rig.safety.mode is Mode.RUNNING, wish
-    assert sum("not allowed" in event.what for event in rig.safety.events) == 4
+    assert sum("not allowed" in event.what for event in rig.safety.events) == 3
+    assert "run: the problem has begun already" in [event.what for event in rig.safety.events]
 
 
 def test_sitting_down_ends_in_damping_and_stands_up_again(rig: Rig) -> None:

@@ -30,5 +30,7 @@ def test_the_load_of_the_feet_is_that_of_the_joints_torques(share: float) -> Non
     reading = Reading(
         0, 0.0, q[7:], np.zeros(n), torque, np.zeros(n), np.zeros(4), zero, zero, base_truth=truth
     )
-    controller = RobotController(supervisor, TruthEstimator(robot), q, np.ones(n), np.ones(n))
+    controller = RobotController(
+        lambda: supervisor, TruthEstimator(robot), q, np.ones(n), np.ones(n)
+    )
     assert controller.observe(reading).load == pytest.approx(share, abs=1e-9)

@@ -353,6 +353,18 @@ def test_spliced_recordings_are_cut_to_the_longest_part() -> None:
 
 
 @pytest.mark.slow
+def test_a_frame_in_which_the_whole_body_is_elsewhere_is_left_out() -> None:
+    """Nobody was told, and the ground had to push with 1.6 times the weight and more."""
+    whole, _ = recorded(BODY, seconds=1.0)
+    places = whole.positions.copy()
+    places[40] += (5.0, -5.0, 5.0)
+    found, truth = (human_motion(replace(whole, positions=at)) for at in (places, whole.positions))
+    assert np.abs(found.motion.base - truth.motion.base).max() < 2e-3
+    assert any("one frame, at 0.400 s" in note for note in found.notes)
+    assert not any("one frame" in note for note in truth.notes)
+
+
+@pytest.mark.slow
 def test_joints_of_a_skeleton_are_never_swapped() -> None:
     whole, _ = recorded(BODY, seconds=1.0)
     places, k = whole.positions.copy(), whole.labels.index

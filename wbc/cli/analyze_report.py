@@ -9,13 +9,12 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from wbc.cli.printing import heads, print_line
+from wbc.cli.printing import heads, print_dropouts, print_line
 from wbc.motion import RmpSeries
 from wbc.motion.uncertainty import BAND
 from wbc.rmp.axes import Bools
 from wbc.validate import Array
 
-SHOWN_DROPOUTS = 10
 NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"
 
 
@@ -31,10 +30,7 @@ def print_analysis(series: RmpSeries, human: bool) -> None:
         style="not bold default",
     )
     console.print(head)
-    for dropout in series.dropouts[:SHOWN_DROPOUTS]:
-        print_line("dropout", str(dropout), "yellow")
-    if len(series.dropouts) > SHOWN_DROPOUTS:
-        console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
+    print_dropouts(series.dropouts)
     for name, excess in series.past_limits.items():
         print_line("limits", f"{name} is up to {excess:.3g} past its limits [rad or m]", "yellow")
     print_line("noise", noise_line(series))

@@ -170,9 +170,10 @@ def retarget(
         outputs.save(problem, lambda place: write_text(place, text))
     if not quiet:
         from wbc.cli.analyze_human import print_human
-        from wbc.cli.printing import print_written
+        from wbc.cli.printing import print_dropouts, print_written
 
         print_human(human)
+        print_dropouts(human.motion.dropouts)
         print_retargeted(found)
         print_written(outputs.written, 9)
     code = outputs.exit_code()

@@ -74,8 +74,9 @@ class Controller(DeclaredAttributes, ABC):
     dt:
         Time step [s]: the command is meant to be applied for this long.
     solver:
-        A backend, or its name: ``"proxqp"`` or any that qpsolvers finds installed. Controllers that
-        share a backend share its warm starts, one for each set of contacts.
+        A backend, or its name: ``"proxqp"``; ``"active_set"``, the core's own method, which takes
+        half of the time where bounds are active; or any that qpsolvers finds installed. Controllers
+        that share a backend share its warm starts, one for each set of contacts.
     damping:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     joint_weights:

@@ -91,7 +91,7 @@ class ScheduledWalk:
         self._tick = tick
         self.move_to(max(time, 0.0))
         if self._steps and tick >= 0:
-            self.walker.coming, self._steps = self._steps, ()
+            self.walker.coming, self._steps = self.walker.coming or self._steps, ()
         while self._pending and time >= self._pending[0].at - 1e-9:
             command = self._pending.pop(0)
             reason = self.walker.command(*command.velocity).reason

@@ -46,7 +46,9 @@ REST_TIME = 6.0  # s for a walk to come to rest
 # s in which a robot that is up waits for an estimate, which takes half a second: its joints hold a
 # posture but do not balance, and it leans, twice as far in about a second.
 UNBALANCED_TIME = 1.5
-MIN_LOAD = 0.5  # part of the weight on the feet with which the controller may balance
+# Part of the weight on the feet with which the controller may balance, and s for which it may be
+# less.
+MIN_LOAD, HANG_TIME = 0.5, 0.1
 PROBLEM_BEGINS = "the problem begins"
 FINAL_STOPS = 5  # damping commands sent when the loop ends
 
@@ -303,6 +305,10 @@ class HardwareLoop:
         state, worker = self._state, self._worker
         newest: WorkerOutcome | None = None
         while (outcome := worker.result(self._time_left())) is not None:
+            if state.is_stale:  # to a request of the mode before
+                state.is_stale = False
+                self._request_answer(None)
+                continue
             newest, state.last_answer_time = outcome, time
             sequence = state.request_sequence
             state.answer_duration = clock_now() - time
@@ -350,7 +356,10 @@ class HardwareLoop:
             fault = Fault.ESTIMATOR_FAILED if outcome.no_estimate else Fault.CONTROLLER_RAISED
             safety.report(fault, outcome.error)
             return
-        self._state.answer = answer
+        state = self._state
+        state.answer, state.error = answer, ""
+        if answer.load >= MIN_LOAD:
+            state.load_time = state.time
         if not answer.ok:
             safety.report(Fault.TICK_FAILED, answer.report)
 
@@ -384,6 +393,8 @@ class HardwareLoop:
             at_rest = state.answer is not None and state.answer.at_rest
             if at_rest or time > state.sit_deadline:
                 safety.soft_stop(time)
+        elif safety.mode is Mode.RUNNING and state.waits and time - state.load_time > HANG_TIME:
+            safety.soft_stop(time, self._hangs)  # hoisted: it would stretch its legs
         elif safety.mode is Mode.SOFT_STOP and self._motions.down.is_over(time):
             safety.is_down(time)
         elif safety.mode is state.mode is Mode.STANDING_UP and self._motions.up.is_over(time):
@@ -397,14 +408,18 @@ class HardwareLoop:
             self.safety.run(time)
         elif self._motions.up.is_over(time - UNBALANCED_TIME):
             missing = f"no estimate: {self._state.error or 'no answer'}"
-            hangs = f"{HANGS}{100.0 * self._load:.0f} % of the weight"
-            self.safety.soft_stop(time, missing if self._state.answer is None else hangs)
+            self.safety.soft_stop(time, missing if self._state.answer is None else self._hangs)
 
     @property
     def _load(self) -> float:
-        """The part of the weight that the feet bear on the way up; 0 without an estimate."""
+        """The part of the weight that the feet bear before the problem begins, or 0: not known."""
         answer = self._state.answer
         return 0.0 if answer is None else answer.load
+
+    @property
+    def _hangs(self) -> str:
+        """What is wrong where the feet bear too little."""
+        return f"{HANGS}{100.0 * self._load:.0f} % of the weight"
 
     def _report_refusal(self, refusal: str, time: float) -> None:
         """Report why a wish is refused, at most once a second for the same reason."""
@@ -421,8 +436,9 @@ class HardwareLoop:
         elif wish is Wish.RUN:
             self._begin_problem(time, is_up)
         elif wish is Wish.SIT:
-            if safety.mode is Mode.RUNNING:
+            if safety.mode is Mode.RUNNING and state.sit_deadline is None:
                 state.sit_deadline = time + REST_TIME
+                self._say("sit: it comes to rest first")
             elif safety.mode is Mode.STANDING_UP:
                 safety.soft_stop(time)
             elif safety.mode is Mode.DAMPING:
@@ -437,15 +453,18 @@ class HardwareLoop:
     def _begin_problem(self, time: float, is_up: bool) -> None:
         """Begin the problem: now if the robot is up, else as soon as it is."""
         state, safety = self._state, self.safety
-        if safety.mode is Mode.RUNNING and state.waits:
+        if safety.mode is Mode.RUNNING and not state.waits:
+            raise ForbiddenTransition("the problem has begun already")
+        if safety.mode is Mode.RUNNING:
+            if state.sit_deadline is not None:
+                raise ForbiddenTransition("it is about to sit down")
             state.waits = False
             safety.events.append(Event(time, PROBLEM_BEGINS, safety.mode))
             self._say(f"{time - self._start:8.3f} s  {safety.mode}: {PROBLEM_BEGINS}")
         elif safety.mode is Mode.STANDING_UP and not is_up:
-            if state.error:
-                raise ForbiddenTransition(f"no estimate: {state.error}")
             if not state.runs_when_up:
-                self._say("run: as soon as it is up")
+                missing = f"; no estimate yet: {state.error}" if state.error else ""
+                self._say(f"run: as soon as it is up{missing}")
             state.runs_when_up = True
         else:
             safety.run(time)
@@ -455,11 +474,12 @@ class HardwareLoop:
         """Record a mode that began; schedule a log after a fault's stop."""
         state = self._state
         self._say(f"{time - self._start:8.3f} s  {mode}: {self.safety.events[-1].what}")
-        state.mode, state.mode_start = mode, time
+        state.mode, state.mode_start, state.load_time = mode, time, time
         state.is_commanding = state.is_observing = False
+        state.is_stale = mode is not Mode.RUNNING and self._worker.busy
         state.waits = mode is Mode.RUNNING and not state.runs_when_up
         if state.waits:
-            self._say("it balances: run begins the problem, sit goes down")
+            self._say("it balances where the problem begins: run begins it, sit goes down")
         if mode is Mode.STANDING_UP:
             state.answer, state.error, state.runs_when_up = None, "", False
             self._motions.up.end()
@@ -487,7 +507,7 @@ class HardwareLoop:
 
     def _write_log(self, event: str) -> None:
         state = self._state
-        state.log_time = None
+        state.log_time, state.event = None, ""
         if self._writer is None:
             return
         events = [f"{one.time:.4f} {one.mode}: {one.what}" for one in self.safety.events]

@@ -42,6 +42,8 @@ class LoopState:
     mode_start: float = 0.0
     runs_when_up: bool = False  # whether run was requested on the way up
     waits: bool = False  # whether the controller balances, and the problem has not begun
+    load_time: float = 0.0  # when the feet last bore enough of the weight
+    is_stale: bool = False  # whether the controller's next answer is to an earlier mode's request
     sit_deadline: float | None = None  # latest time to begin going down
     log_time: float | None = None
     event: str = ""

@@ -66,14 +66,7 @@ def replay_log(path: str | Path) -> LogReplay:
             f"{path}: ran on the estimator {estimator!r}, whose input is in no log; one that ran on"
             f" {REPLAYABLE!r} can be run again"
         )
-    parts = log.problem.parts
-    controller = controller_of(
-        log.problem.supervisor_on_robot(),
-        parts.robot,
-        profile_named(profile),
-        parts.start,
-        estimator,
-    )
+    controller = controller_of(log.problem, profile_named(profile), estimator)
     rows, answers = dict[int, Mapping[str, Array]](), dict[int, ControllerAnswer | None]()
     asked, compared, last, differences = 0, 0, -1, list[str]()
     for row in log.rows():

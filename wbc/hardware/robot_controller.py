@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.estimation import ImuReading, Measurement, StateEstimator
 from wbc.gait.phases import Standing
 from wbc.gait.scheduled_walk import ScheduledWalk
-from wbc.gait.swing import turned, yaw_of
+from wbc.gait.swing import turned
 from wbc.hardware.bus import Command, Reading
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
@@ -146,7 +146,7 @@ class ControllerAnswer:
     sure:
         Uncertainty of the estimate.
     load:
-        Part of the weight that the feet bear before the controller commands.
+        Part of the weight that the feet bear, until the problem begins.
     """
 
     command: Command | None
@@ -156,7 +156,7 @@ class ControllerAnswer:
     report: str = ""
     at_rest: bool = True
     sure: StateUncertainty = EXACT
-    load: float = 1.0
+    load: float = 0.0
 
 
 class RobotController:
@@ -164,13 +164,13 @@ class RobotController:
 
     Parameters
     ----------
-    supervisor:
-        Of a problem of the torque level.
+    make_supervisor:
+        Returns the supervisor of a problem of the torque level, at its start.
     estimator:
         Of the base.
     start:
-        Configuration (nq,) at which the problem begins: the estimate is shifted over the ground and
-        turned about the vertical, so that the robot is there when it begins to run.
+        Configuration (nq,) at which the problem begins: the estimate is shifted and turned about
+        the vertical, so that the soles are there when the controller begins to command.
     following:
         Gains kd (n,) about the velocities of each tick [N m s/rad].
     stiffness:
@@ -179,24 +179,29 @@ class RobotController:
 
     def __init__(
         self,
-        supervisor: Supervisor,
+        make_supervisor: Callable[[], Supervisor],
         estimator: BaseEstimator,
         start: Array,
         following: Array,
         stiffness: Array,
     ) -> None:
-        self.supervisor, self.estimator = supervisor, estimator
-        self.robot: Robot = supervisor.controller.robot
-        self.dt = supervisor.controller.dt
+        self._make_supervisor, self.estimator = make_supervisor, estimator
+        self.supervisor = make_supervisor()
+        self.robot: Robot = self.supervisor.controller.robot
+        self.dt = self.supervisor.controller.dt
+        self._notes, self._is_used = tuple[str, ...](), False
         self._start, self._kd, self._kp = start, following, stiffness
-        self._ticks, self._start_time, self._begin_time = 0, 0.0, 0.0
+        self._ticks, self._start_time, self._begin_time, self._has_begun = 0, 0.0, 0.0, False
         self._rotation: Array = np.eye(3)
         self._shift = np.zeros(3)
         self._held_position: Array = start[BASE_NQ:]
 
     def stand(self) -> None:
-        """Begin to estimate: the robot stands still on its feet."""
+        """Begin to estimate, and the problem anew: the robot stands still on its feet."""
         self.estimator.reset()
+        if self._is_used:
+            self._notes = tuple(self.notes)
+            self.supervisor, self._is_used = self._make_supervisor(), False
 
     def observe(self, reading: Reading) -> ControllerAnswer:
         """Estimate only."""
@@ -206,14 +211,12 @@ class RobotController:
 
     def begin(self, reading: Reading) -> None:
         """Begin to command: the robot stands on its feet."""
-        self._ticks, self._start_time, self._begin_time = 0, reading.time, reading.time
+        self._ticks, self._begin_time, self._has_begun = 0, reading.time, False
         q, _ = self.estimator.update(reading)
-        goal, actual = (yaw_of(rotation_from(one[3:7])) for one in (self._start, q))
-        self._rotation = turned(goal - actual)
-        sole_error = self._sole_height(q) - self._sole_height(self._start)
-        rotated = self._rotation @ q[:3]
-        self._shift = np.array((*(self._start[:2] - rotated[:2]), -sole_error))
-        self._held_position = reading.position
+        (goal, goal_yaw), (actual, yaw) = map(self._stance, (self._start, q))
+        self._rotation = turned(goal_yaw - yaw)
+        self._shift = goal - self._rotation @ actual
+        self._held_position, self._is_used = reading.position, True
 
     def command(self, reading: Reading, waits: bool = False) -> ControllerAnswer:
         """Return the command for a reading.
@@ -231,13 +234,14 @@ class RobotController:
             The controller refuses it.
         """
         q, v = self.estimator.update(reading)
+        load = self._load(q, reading.torque) if waits else 1.0
         q = q.copy()
         q[:3] = self._rotation @ q[:3] + self._shift
         q[3:7] = quaternion_from(self._rotation @ rotation_from(q[3:7]))
         snapshot = self.robot.snapshot(q, v)
-        if waits:
-            self._start_time = reading.time + self.dt
-        else:  # by the robot's clock: missed ticks are skipped
+        if not (waits or self._has_begun):
+            self._has_begun, self._start_time = True, reading.time
+        if not waits:  # by the robot's clock: missed ticks are skipped
             self._ticks = max(round((reading.time - self._start_time) / self.dt), self._ticks)
         controller = self.supervisor.update(BEFORE_START if waits else self._ticks, snapshot)
         if controller is None:
@@ -254,7 +258,8 @@ class RobotController:
         command = Command(0, self._held_position, rates, tick.torque, fade * self._kp, self._kd)
         ok = tick.ok or tick.policy in USABLE_POLICIES
         report = "" if ok else tick.report()
-        return ControllerAnswer(command, q, v, ok, report, self.is_at_rest, self.estimator.sure)
+        sure, at_rest = self.estimator.sure, self.is_at_rest
+        return ControllerAnswer(command, q, v, ok, report, at_rest, sure, load)
 
     def come_to_rest(self) -> None:
         """Stop walking; other problems go on."""
@@ -270,8 +275,8 @@ class RobotController:
 
     @property
     def notes(self) -> Sequence[str]:
-        """The supervisor's notes."""
-        return self.supervisor.notes
+        """The supervisors' notes."""
+        return (*self._notes, *self.supervisor.notes)
 
     def _load(self, q: Array, torque: Array) -> float:
         """Return the part of the weight that the feet bear, by the joints' torques (n,) at rest."""
@@ -280,8 +285,10 @@ class RobotController:
         wrenches = np.linalg.lstsq(np.vstack(J).T, s.bias[BASE_NV:] - torque, rcond=None)[0]
         return float(wrenches[2::6].sum()) / self.robot.weight
 
-    def _sole_height(self, q: Array) -> float:
-        """Return the height of the lowest sole [m]."""
+    def _stance(self, q: Array) -> tuple[Array, float]:
+        """Return the middle of the soles (3,) [m] and their heading [rad]."""
         s = self.robot.snapshot(q)
         frames = [foot.frame for foot in self.robot.feet.values()]
-        return min(float(s.position(frame)[2]) for frame in frames) if frames else 0.0
+        ahead = np.sum([s.rotation(frame)[:, 0] for frame in frames], axis=0)
+        middle = np.mean([s.position(frame) for frame in frames], axis=0)
+        return middle, float(np.arctan2(ahead[1], ahead[0]))

@@ -29,7 +29,6 @@ from wbc.problem.problem import Problem
 from wbc.problem.provenance import versions
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
-from wbc.run.supervisor import Supervisor
 from wbc.simulation import Plant
 from wbc.validate import Array, finite_number
 
@@ -155,10 +154,11 @@ def loop_of(
         A problem of the velocity level, a robot that cannot crouch from the problem's start,
         without effort limits, or with other joints than the profile's.
     """
-    robot, supervisor = problem.parts.robot, problem.supervisor_on_robot()
+    robot = problem.parts.robot
+    check_start(problem)
     for note in omissions(problem, profile):
         say(note)
-    controller = controller_of(supervisor, robot, profile, problem.parts.start, estimator)
+    controller = controller_of(problem, profile, estimator)
     path = CrouchPath.of(problem.parts.at_start)
     return HardwareLoop(
         bus,
@@ -203,14 +203,31 @@ def omissions(problem: Problem, profile: Profile) -> list[str]:
     return notes
 
 
-def controller_of(
-    supervisor: Supervisor, robot: Robot, profile: Profile, start: Array, estimator: str
-) -> RobotController:
+def check_start(problem: Problem) -> None:
+    """Refuse a problem that does not begin on all feet, on which the robot stands up.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names the feet.
+    """
+    robot, held = problem.parts.robot, {one.frame for one in problem.parts.contacts}
+    free = [name for name, foot in robot.feet.items() if foot.frame not in held]
+    if free:
+        raise InvalidInputError(
+            f"hardware: the problem begins with {listed(free)} in the air, and {robot.name} stands"
+            " up on all its feet; begin with support: double, and lift a foot in a later phase"
+        )
+
+
+def controller_of(problem: Problem, profile: Profile, estimator: str) -> RobotController:
     """Return the controller of readings."""
+    robot, start = problem.parts.robot, problem.parts.start
     following, stiffness = (
         by_pattern(robot, one) for one in (profile.following, profile.stiffness)
     )
-    return RobotController(supervisor, estimator_of(estimator, robot), start, following, stiffness)
+    known = estimator_of(estimator, robot)
+    return RobotController(problem.supervisor_on_robot, known, start, following, stiffness)
 
 
 def simulated_robot(

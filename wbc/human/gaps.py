@@ -51,6 +51,7 @@ def longest_without_jump(
     Many animation files begin with one frame of another posture, mostly a T-pose elsewhere; others
     are spliced. A low-pass across a jump yields forces of many times the weight.
     """
+    recording, notes = _without_single_frames(recording, names)
     places, time = recording.positions[:, recording.columns(names)], recording.time
     distances = np.linalg.norm(np.diff(places, axis=0), axis=2)
     seen = np.isfinite(distances)
@@ -59,10 +60,10 @@ def longest_without_jump(
     median[enough] = np.nanmedian(distances[enough], axis=1)
     neighbours = np.maximum(np.append(0.0, median[:-1]), np.append(median[1:], 0.0))
     dt = 1.0 / recording.rate
-    jumps = np.flatnonzero(median - neighbours > max(BODY_JUMP, MAX_ACCELERATION * dt**2)) + 1
+    jumps = np.flatnonzero(median - neighbours > _largest_step(dt)) + 1
     jumps = jumps[np.diff(time)[jumps - 1] < 1.5 * dt]  # across missing frames it may have moved
     if not len(jumps):
-        return recording, ()
+        return recording, notes
     ends = np.array((0, *jumps, len(time)))
     longest = int(np.diff(ends).argmax())
     part = slice(ends[longest], ends[longest + 1])
@@ -72,7 +73,37 @@ def longest_without_jump(
         f"the whole body jumps at {times}, as from a T-pose: taken from {time[part.start]:.3f} to"
         f" {time[part.stop - 1]:.3f} s"
     )
-    return replace(recording, time=time[part], positions=recording.positions[part]), (note,)
+    part_of = replace(recording, time=time[part], positions=recording.positions[part])
+    return part_of, (*notes, note)
+
+
+def _largest_step(dt: float) -> float:
+    """Return how far a whole body may move in ``dt`` [s] beyond its neighbouring steps [m]."""
+    return max(BODY_JUMP, MAX_ACCELERATION * dt**2)
+
+
+def _without_single_frames(
+    recording: MarkerRecording, names: Iterable[str]
+) -> tuple[MarkerRecording, tuple[str, ...]]:
+    """Return the recording without frames in which the whole body is elsewhere, and a note."""
+    places = recording.positions[:, recording.columns(names)]
+    if len(places) < 3:
+        return recording, ()
+    there, back, across = (
+        np.linalg.norm(one, axis=2)
+        for one in (places[1:-1] - places[:-2], places[2:] - places[1:-1], places[2:] - places[:-2])
+    )
+    away = np.minimum(there, back) - across > _largest_step(1.0 / recording.rate)
+    seen = np.isfinite(there + back).sum(axis=1)
+    single = np.flatnonzero((away.sum(axis=1) > 0.5 * seen) & (seen > 0)) + 1
+    if not len(single):
+        return recording, ()
+    positions = recording.positions.copy()
+    positions[single] = np.nan
+    times = ", ".join(f"{recording.time[k]:.3f} s" for k in single[:NAMED_JUMPS])
+    times += " ..." * (len(single) > NAMED_JUMPS)
+    note = f"the whole body is elsewhere for one frame, at {times}: interpolated there"
+    return replace(recording, positions=positions), (note,)
 
 
 def interpolate_gaps(

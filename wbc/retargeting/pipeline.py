@@ -39,6 +39,8 @@ from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz, as policy training reads it
 FRICTION, MARGIN = 0.6, 0.01  # 1, m
+MAX_RATE = 1000.0  # Hz
+MIN_FRAMES = 8  # of a motion with accelerations
 
 
 def retarget(
@@ -123,6 +125,8 @@ def retarget(
     check_robot("retarget", robot)
     refuse_loops("retarget", robot)
     rate = finite_number("retarget, rate", rate, least=10.0)
+    if rate > MAX_RATE:
+        raise InvalidInputError(f"retarget, rate: {rate:g} Hz is above {MAX_RATE:g}")
     roll = finite_number("retarget, roll", roll, least=0.0)
     if roll > 1.0:
         raise InvalidInputError(f"retarget, roll: {roll:g} is above 1, the human's own")
@@ -137,6 +141,11 @@ def retarget(
     @lru_cache(maxsize=1)  # attempts differ in weights more often than in time
     def targets_at(scale: MotionScale) -> tuple[Targets, Array]:
         source = human_frames(human, rate * scale.time, cutoff, roll)
+        if len(source) < MIN_FRAMES:
+            raise InvalidInputError(
+                f"retarget: {len(source)} frames remain at {rate:g} Hz, and accelerations need"
+                f" {MIN_FRAMES}: give a higher rate, or a longer duration"
+            )
         return scaled_targets(source, setup, scale, balance), source.series.axes
 
     def build_problem(

@@ -32,7 +32,9 @@ class Unbalanced:
     where: str
 
     def __str__(self) -> str:
-        span = f"{self.start:.2f} to {self.end:.2f} s, worst at {self.worst:.2f} s"
+        span = f"at {self.worst:.2f} s"
+        if self.end > self.start:
+            span = f"{self.start:.2f} to {self.end:.2f} s, worst {span}"
         return f"{self.what} by {self.size} ({self.where}; {span})"
 
     @property
@@ -43,5 +45,6 @@ class Unbalanced:
         if self.what.startswith("joint limit"):
             return f"{self.by:.2g} rad"
         if self.what.startswith(("CoP", "sole", "margin")):
-            return f"{1e3 * self.by:.3g} mm"
-        return f"{100.0 * self.by:.0f} %"
+            return f"{1e3 * self.by:.3g} mm" if self.by < 1.0 else f"{self.by:.3g} m"
+        of = " of the weight" if self.what.startswith("force") else ""
+        return f"{100.0 * self.by:.0f} %{of}"
