@@ -13,7 +13,7 @@ from wbc.hardware import sensor_checks
 from wbc.hardware.bus import RESTART_GAP
 from wbc.hardware.loop import PERIOD
 from wbc.hardware.postures import CrouchPath, PostureMotion
-from wbc.hardware.robot_controller import STIFFNESS_FADE
+from wbc.hardware.robot_controller import STIFFNESS_FADE, stance_of
 from wbc.hardware.safety import MAX_MAGNITUDE, RULES, TRANSITIONS, Fault, Mode, Safety
 from wbc.hardware.setup import motions_of, safety_of
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT
@@ -141,7 +141,8 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "/* Gains: of postures that are held, and while the controller commands. */",
         "extern const double wbc_stiffness[WBC_JOINTS], wbc_holding[WBC_JOINTS];",
         "extern const double wbc_following[WBC_JOINTS];",
-        "extern const double wbc_begin[7], wbc_begin_sole; /* the problem's base pose, and sole */",
+        "/* Where the problem begins: middle of the soles [m], and their heading. */",
+        "extern const double wbc_begin_stance[3], wbc_begin_heading;",
         "",
         "#endif",
     ]
@@ -160,8 +161,7 @@ def data_source(parts: HardwareParts, title: str) -> str:
     kp, kd, following = (
         by_pattern(robot, one) for one in (profile.stiffness, profile.holding, profile.following)
     )
-    start = robot.snapshot(parts.start)
-    sole = min(float(start.position(foot.frame)[2]) for foot in robot.feet.values())
+    middle, heading = stance_of(robot, parts.start)
     arrays = {name: getattr(limits, name) for name in _LIMITS}
     fields = [f"    .{name} = {_initialiser(array)},\n" for name, array in arrays.items()]
     fields += [f"    .{name} = {number_text(float(getattr(limits, name)))},\n" for name in _NUMBERS]
@@ -206,8 +206,8 @@ def data_source(parts: HardwareParts, title: str) -> str:
             _doubles("stiffness[WBC_JOINTS]", kp),
             _doubles("holding[WBC_JOINTS]", kd),
             _doubles("following[WBC_JOINTS]", following),
-            _doubles("begin[7]", parts.start[:7]),
-            f"const double wbc_begin_sole = {number_text(sole)};",
+            _doubles("begin_stance[3]", middle),
+            f"const double wbc_begin_heading = {number_text(heading)};",
             "",
         ]
     )

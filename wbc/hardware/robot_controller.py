@@ -213,7 +213,7 @@ class RobotController:
         """Begin to command: the robot stands on its feet."""
         self._ticks, self._begin_time, self._has_begun = 0, reading.time, False
         q, _ = self.estimator.update(reading)
-        (goal, goal_yaw), (actual, yaw) = map(self._stance, (self._start, q))
+        (goal, goal_yaw), (actual, yaw) = (stance_of(self.robot, one) for one in (self._start, q))
         self._rotation = turned(goal_yaw - yaw)
         self._shift = goal - self._rotation @ actual
         self._held_position, self._is_used = reading.position, True
@@ -285,10 +285,10 @@ class RobotController:
         wrenches = np.linalg.lstsq(np.vstack(J).T, s.bias[BASE_NV:] - torque, rcond=None)[0]
         return float(wrenches[2::6].sum()) / self.robot.weight
 
-    def _stance(self, q: Array) -> tuple[Array, float]:
-        """Return the middle of the soles (3,) [m] and their heading [rad]."""
-        s = self.robot.snapshot(q)
-        frames = [foot.frame for foot in self.robot.feet.values()]
-        ahead = np.sum([s.rotation(frame)[:, 0] for frame in frames], axis=0)
-        middle = np.mean([s.position(frame) for frame in frames], axis=0)
-        return middle, float(np.arctan2(ahead[1], ahead[0]))
+
+def stance_of(robot: Robot, q: Array) -> tuple[Array, float]:
+    """Return the middle of the soles (3,) [m] and their heading [rad] at a configuration (nq,)."""
+    s, frames = robot.snapshot(q), [foot.frame for foot in robot.feet.values()]
+    ahead = np.sum([s.rotation(frame)[:, 0] for frame in frames], axis=0)
+    middle = np.mean([s.position(frame) for frame in frames], axis=0)
+    return middle, float(np.arctan2(ahead[1], ahead[0]))

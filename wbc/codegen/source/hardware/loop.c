@@ -7,7 +7,8 @@
  *     wbc hardware sim g1 --bus udp
  *
  * SLOWER: factor of slow motion, as the simulator's --slower; DOMAIN likewise. Exit code 0: it sat down as asked; 3:
- * a fault stopped it; 1: there is no robot. On a real robot a person arms: replace request_mode.
+ * a fault stopped it; 1: there is no robot. Unlike Python's loop it does not check that the feet bear the weight: the
+ * robot must stand on the ground. On a real robot a person arms: replace request_mode.
  */
 #define _POSIX_C_SOURCE 200112L
 #include "../controller.h"
@@ -24,6 +25,7 @@
 #include <time.h>
 
 static const double SILENT_AFTER = 0.005, GONE_AFTER = 0.040, STALL = 0.040; /* s; as in Python */
+static const double UNBALANCED = 1.5;                                        /* s up without an estimate; likewise */
 static const double SETTLE = 0.5;                                            /* s in damping, at both ends */
 static const double FIRST = 10.0; /* s: the robot must have been heard by then */
 enum { STOPS = 5 };
@@ -43,7 +45,7 @@ typedef struct {
     wbc_controller controller;
     posture_path to_stand, to_crouch;
     wbc_reading reading, before;
-    int has_reading, has_before, mode, was_up, estimates, asked, runs, turn;
+    int has_reading, has_before, mode, was_up, estimates, asked, runs, turn, faulted;
     double time, mode_began, heard, estimate[WBC_ESTIMATE];
     double held[WBC_JOINTS], turned[9], shift[3], began; /* from the estimate's world to the problem's */
     wbc_motors command;
@@ -121,23 +123,23 @@ static int sense(robot_loop *l) {
     return wbc_sensing_take(&l->sensing, &sample, l->estimate);
 }
 
-/* Start the controller: find the transformation of the estimate to the problem's start, on the ground. */
+/* Start the controller: find the transformation of the estimate's soles to where the problem begins. */
 static void begin(robot_loop *l) {
     const double *q = l->estimate + WBC_AT_Q;
     const wbc_estimator *e = &l->sensing.estimator;
-    double R[9], S[9], lowest = INFINITY, moved[3];
-    wbc_rotation(q + 3, R), wbc_rotation(wbc_begin + 3, S);
-    const double by = atan2(S[3], S[0]) - atan2(R[3], R[0]);
+    double R[9], ahead[2] = {0.0, 0.0}, middle[3] = {q[0], q[1], q[2]}, moved[3];
+    wbc_rotation(q + 3, R);
+    for (int k = 0; k < WBC_FEET; k++) { /* frames are relative to the base */
+        const double *sole = e->frames + (WBC_IMUS + k) * FRAME_SIZE(WBC_NV), *S = sole + FRAME_ROTATION;
+        const double x[3] = {S[0], S[3], S[6]};
+        for (int i = 0; i < 3; i++) middle[i] += dot3(R + 3 * i, sole) / WBC_FEET;
+        for (int i = 0; i < 2; i++) ahead[i] += dot3(R + 3 * i, x);
+    }
+    const double by = wbc_begin_heading - atan2(ahead[1], ahead[0]);
     const double turned[9] = {cos(by), -sin(by), 0.0, sin(by), cos(by), 0.0, 0.0, 0.0, 1.0};
     memcpy(l->turned, turned, sizeof turned);
-    for (int k = 0; k < WBC_FEET; k++) { /* frames are relative to the base */
-        const double *sole = e->frames + (WBC_IMUS + k) * FRAME_SIZE(WBC_NV);
-        const double height = q[2] + dot3(R + 6, sole);
-        lowest = height < lowest ? height : lowest;
-    }
-    times3(turned, q, moved);
-    l->shift[0] = wbc_begin[0] - moved[0], l->shift[1] = wbc_begin[1] - moved[1],
-    l->shift[2] = wbc_begin_sole - lowest;
+    times3(turned, middle, moved);
+    for (int i = 0; i < 3; i++) l->shift[i] = wbc_begin_stance[i] - moved[i];
     l->began = l->reading.time;
     memcpy(l->held, l->reading.position, sizeof l->held);
 }
@@ -185,7 +187,7 @@ static void entered(robot_loop *l) {
     if (poll(&out, 1, 0) == 1)
         printf("%9.3f s  %s%s%s\n", l->time, wbc_mode_names[s->mode], s->cause >= 0 ? ": " : "",
                s->cause >= 0 ? wbc_fault_names[s->cause] : "");
-    l->mode = s->mode, l->mode_began = l->time, l->runs = 0;
+    l->mode = s->mode, l->mode_began = l->time, l->runs = 0, l->faulted |= s->cause >= 0;
     if (s->mode != WBC_MODE_STANDING_UP) return;
     l->to_stand.begun = l->to_crouch.begun = l->estimates = l->asked = 0;
     l->was_up = 1; /* or on its way: after a stop it does not try again */
@@ -201,6 +203,8 @@ static int request_mode(robot_loop *l, double seconds) {
         if (l->was_up) return 1;
         wbc_safety_stand_up(s);
     } else if (s->mode == WBC_MODE_STANDING_UP && is_up) wbc_safety_to(s, WBC_MODE_RUNNING);
+    else if (s->mode == WBC_MODE_STANDING_UP && is_over(&l->to_stand, l->time - UNBALANCED))
+        wbc_safety_to(s, WBC_MODE_SOFT_STOP), l->faulted = 1; /* no estimate: it leans, without balance */
     else if (s->mode == WBC_MODE_RUNNING && passed > seconds) wbc_safety_to(s, WBC_MODE_SOFT_STOP);
     else if (s->mode == WBC_MODE_SOFT_STOP && is_over(&l->to_crouch, l->time)) wbc_safety_to(s, WBC_MODE_DAMPING);
     else if (s->mode == WBC_MODE_STOP && passed > SETTLE) return 1;
@@ -285,7 +289,8 @@ int main(int count, char **arguments) {
         if (l.has_reading && l.time - l.heard > GONE_AFTER) ended = "the robot's side is gone";
         if (!l.has_reading && l.time - start > FIRST) ended = "no robot was heard";
     }
-    const int stopped = l.safety.mode == WBC_MODE_STOP || (l.has_reading && l.time - l.heard > GONE_AFTER);
+    const int stopped =
+        l.faulted || l.safety.mode == WBC_MODE_STOP || (l.has_reading && l.time - l.heard > GONE_AFTER);
     wbc_safety_stop(&l.safety);
     for (int k = 0; k < STOPS; k++) wbc_udp_write(&l.bus, wbc_safety_admit(&l.safety, 0), ++l.sent);
     printf("%s; %lld cycles, %.2f %% of them within 0.2 ms\n", ended, (long long)cycles,
