@@ -34,9 +34,13 @@ def print_analysis(series: RmpSeries, human: bool) -> None:
     for name, excess in series.past_limits.items():
         print_line("limits", f"{name} is up to {excess:.3g} past its limits [rad or m]", "yellow")
     print_line("noise", noise_line(series))
+    inner = ~_extrapolated(series)
+    if series.cutoff is not None and not inner.all():
+        ends = f"{1.0 / series.cutoff:.2g} s at either are extrapolated by the low-pass"
+        print_line("ends", f"{ends}, and not in the table")
     table = heads("", "least", "mean", "largest", "95 % band")
     for name, scale, values, deviation in _rows(series):
-        known = scale * values[np.isfinite(values)]
+        known = scale * values[inner & np.isfinite(values)]
         if known.size:
             numbers = [f"{number:.4g}" for number in (known.min(), known.mean(), known.max())]
             half = np.empty(0) if deviation is None else scale * BAND * deviation
@@ -147,11 +151,11 @@ def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
     beyond = noise is not None and not series.measured and bool(np.nanmax(noise) > 0.0)
     text = (
         f"CoP outside the support polygon in {sure.sum()} of {len(series)} frames, by"
-        f" {1e3 * farthest:.2g} mm at most{', beyond the noise' if beyond else ''}, first"
+        f" {1e3 * farthest:.3g} mm at most{', beyond the noise' if beyond else ''}, first"
         f" at {first:.12g} s: {why}. "
     )
     if judged and elsewhere.any() and -margin[elsewhere].min() < farthest:
-        text += f"That is {NEAR_END}; elsewhere {1e3 * -margin[elsewhere].min():.2g} mm at most. "
+        text += f"That is {NEAR_END}; elsewhere {1e3 * -margin[elsewhere].min():.3g} mm at most. "
     perhaps = int((series.cop_outside & ~sure).sum())
     if perhaps:
         text += f"In {perhaps} more it is outside within the noise. "
@@ -175,7 +179,7 @@ def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[st
     band = BAND * float(np.median(noise[outside]))
     text = (
         f"CoP outside the support polygon in {outside.sum()} of {len(series)} frames, by"
-        f" {1e3 * farthest:.2g} mm at most: not distinguishable from the recording's noise (95 %"
+        f" {1e3 * farthest:.3g} mm at most: not distinguishable from the recording's noise (95 %"
         f" band there ± {1e3 * band:.2g} mm), so feasibility is undecided; a lower --cutoff,"
         " or residual, narrows the band. "
     )
