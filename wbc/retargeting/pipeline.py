@@ -40,7 +40,7 @@ from wbc.validate import Array, finite_number, read_only
 RATE = 50.0  # Hz, as policy training reads it
 FRICTION, MARGIN = 0.6, 0.01  # 1, m
 MAX_RATE = 1000.0  # Hz
-MIN_FRAMES = 8  # of a motion with accelerations
+MIN_FRAMES = 4  # of a motion with a jerk
 
 
 def retarget(
@@ -143,8 +143,8 @@ def retarget(
         source = human_frames(human, rate * scale.time, cutoff, roll)
         if len(source) < MIN_FRAMES:
             raise InvalidInputError(
-                f"retarget: {len(source)} frames remain at {rate:g} Hz, and accelerations need"
-                f" {MIN_FRAMES}: give a higher rate, or a longer duration"
+                f"retarget: {len(source)} frames remain at {rate:g} Hz, and a motion has at"
+                f" least {MIN_FRAMES}: give a higher rate, or a longer duration"
             )
         return scaled_targets(source, setup, scale, balance), source.series.axes
 
