@@ -279,11 +279,17 @@ class RobotController:
         return (*self._notes, *self.supervisor.notes)
 
     def _load(self, q: Array, torque: Array) -> float:
-        """Return the part of the weight that the feet bear, by the joints' torques (n,) at rest."""
+        """Return about which part of the weight the feet bear, by joints' torques (n,) at rest.
+
+        That of the least wrenches that bear all of it. Wrenches by the torques themselves would be
+        at the mercy of noise where legs are straight.
+        """
         s = self.robot.snapshot(q)
-        J = [s.jacobian(foot.frame)[:, BASE_NV:] for foot in self.robot.feet.values()]
-        wrenches = np.linalg.lstsq(np.vstack(J).T, s.bias[BASE_NV:] - torque, rcond=None)[0]
-        return float(wrenches[2::6].sum()) / self.robot.weight
+        J = np.vstack([s.jacobian(foot.frame) for foot in self.robot.feet.values()])
+        wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, s.bias[:BASE_NV], rcond=None)[0]
+        bearing = J[:, BASE_NV:].T @ wrenches
+        square = float(bearing @ bearing)
+        return float(bearing @ (s.bias[BASE_NV:] - torque)) / square if square > 0.0 else 0.0
 
 
 def stance_of(robot: Robot, q: Array) -> tuple[Array, float]:
