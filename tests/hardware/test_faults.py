@@ -231,6 +231,7 @@ def test_a_robot_that_cannot_balance_goes_down_again(missing: str, why: str, goo
     rig.cycles(0.5)
     assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good is good
     assert why in [event.what for event in rig.safety.events]
+    assert rig.loop.result().hung is (missing == "ground")
 
 
 def test_a_robot_that_is_hoisted_while_it_balances_goes_down() -> None:

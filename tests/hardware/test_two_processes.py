@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mujoco")
-from hardware import interrupted
+from hardware import PROBLEM, interrupted
 
 from wbc.hardware.worker import can_fork
 
@@ -47,3 +47,20 @@ def test_a_simulated_robot_that_is_ended_by_a_signal_says_so(tmp_path: Path) -> 
             assert sim.wait(60.0) == 128 + signal.SIGHUP and report.exists()
         finally:
             sim.kill()
+
+
+def test_an_unattended_robot_that_hangs_ends_with_3(tmp_path: Path) -> None:
+    """Scripts took it for a run: it ended with 0."""
+    shared = ["--bus", "udp", "--domain", str(DOMAIN + 40), "--slower", "2"]
+    wbc = [sys.executable, "-u", "-m", "wbc", "hardware"]
+    run = [*wbc, "run", str(PROBLEM), "--robot", "unitree_g1", "--unattended", "1", *shared]
+    run += ["--log", str(tmp_path / "log.npz")]
+    with subprocess.Popen(
+        [*wbc, "sim", "g1", "--lifted", "0.35", *shared], stdout=subprocess.PIPE
+    ) as sim:
+        try:
+            assert sim.stdout is not None and sim.stdout.readline().endswith(b"ready\n")
+            ended = subprocess.run(run, capture_output=True, text=True, timeout=120.0, check=False)
+        finally:
+            sim.kill()
+    assert ended.returncode == 3 and "it hangs: its feet bear" in ended.stdout, ended.stdout

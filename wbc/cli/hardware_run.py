@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Executor
 
-    from wbc.hardware.loop_result import HANGS, LoopResult
+    from wbc.hardware.loop_result import LoopResult
 
 
 def run(
@@ -127,8 +127,8 @@ def run(
     _print_result(result, report, quiet)
     if interrupts():
         raise typer.Exit(interrupts.exit_code)
-    hung = unattended is not None and any(one.what.startswith(HANGS) for one in result.events)
-    raise typer.Exit(0 if result.good and not hung else STOPPED)
+    good = result.good and not (unattended is not None and result.hung)
+    raise typer.Exit(0 if good else STOPPED)
 
 
 def _sit_on_interrupt(interrupts: Any, operator: Any, wish: Any) -> bool:

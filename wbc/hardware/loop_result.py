@@ -57,6 +57,11 @@ class LoopResult:
     notes: tuple[str, ...]
     logs: tuple[Path, ...]
 
+    @property
+    def hung(self) -> bool:
+        """Whether it went down because its feet bore too little of the weight."""
+        return any(event.what.startswith(HANGS) for event in self.events)
+
     def share_within(self, tolerance: float) -> float:
         """Return the share of all cycles, skipped ones too, that began within a tolerance [s]."""
         total = self.cycles + self.missed
