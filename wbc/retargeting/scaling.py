@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.human import HumanMotion
 from wbc.retargeting.body_map import BodyMap
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.postures import STANDING
 from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
 from wbc.validate import Array, finite_number
@@ -72,11 +73,14 @@ class StandingBody:
         Of the CoM over the soles with straight legs [m].
     ankle_height:
         Of the ankles over the soles [m].
+    arm_levers:
+        Of the arms that the robot has, by side (2,) [m], see :func:`arm_levers`.
     """
 
     hips: Array
     com_height: float
     ankle_height: float
+    arm_levers: Mapping[str, Array]
 
 
 def standing_body(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
@@ -105,7 +109,38 @@ def standing_body(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
     soles = np.array([found.position(robot.feet[side].frame) for side in SIDES])
     hip, ankle = float(np.mean(hips[:, 2])), float(np.mean(ankles[:, 2]))
     up = float(found.com[2] - np.mean(soles[:, 2])) + legs.length - (hip - ankle)
-    return StandingBody(hips - found.com, up, ankle - float(np.mean(soles[:, 2])))
+    levers = {
+        side: arm_levers(robot, found, arm.shoulder, arm.forearm) for side, arm in body.arms.items()
+    }
+    return StandingBody(hips - found.com, up, ankle - float(np.mean(soles[:, 2])), levers)
+
+
+def arm_levers(robot: Robot, snapshot: Snapshot, shoulder: str, forearm: str) -> Array:
+    """Return how far upper arm and forearm displace the CoM along their directions (2,) [m].
+
+    That is their first moments about shoulder and elbow by the whole mass: an arm that points up
+    raises the CoM of a robot that hangs its arms by twice their sum.
+
+    Parameters
+    ----------
+    shoulder, forearm:
+        Frames at the shoulder and at the elbow; all links behind their joints move with them.
+    """
+    rotations, origins = snapshot.joint_placements
+    model, (upper_joint, elbow) = (
+        robot.model,
+        (robot.frame(n).parentJoint for n in (shoulder, forearm)),
+    )
+    places = [snapshot.position(name) for name in (shoulder, forearm)]
+    distal = set(model.subtrees[elbow])
+    mass, moments = 0.0, np.zeros((2, 3))
+    for joint in model.subtrees[upper_joint]:
+        body, part = model.inertias[joint], int(joint in distal)
+        com = origins[joint] + rotations[joint] @ body.lever
+        moments[part] += body.mass * (com - places[part])
+        mass += part * body.mass
+    moments[0] += mass * (places[1] - places[0])
+    return np.linalg.norm(moments, axis=1) / robot.mass
 
 
 def motion_scale(

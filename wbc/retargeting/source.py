@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.gait.legs import SIDES
 from wbc.human import HumanMotion
 from wbc.human.contacts import SHORTEST, feet_down
 from wbc.motion import RmpSeries, analyze
 from wbc.motion.dropouts import runs
+from wbc.retargeting.scaling import arm_levers
 from wbc.robot.series import sole_series, state_series
 from wbc.rotations import headings
 from wbc.validate import Array
 
-SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
-            "right_forearm")  # fmt: skip
+ARM_PARTS = "upper_arm", "forearm"
+SEGMENTS = "pelvis", "trunk", "head", *(f"{side}_{part}" for side in SIDES for part in ARM_PARTS)
 THIGHS = ("left_thigh", "right_thigh")
 DROPPED_PERIODS = 0.5  # of the cutoff, at both ends
 MIN_FRAMES = 20  # a shorter motion is left whole
@@ -38,6 +40,10 @@ class HumanFrames:
         Of segments, by name (n, 3, 3).
     heading:
         Of the pelvis (n,) [rad].
+    arms:
+        Directions of upper arm and forearm (n, 2, 3), by side.
+    arm_levers:
+        How far they displace the CoM along these, by side (2,) [m].
     hips:
         Midpoint of the hips from the CoM (n, 3) [m], world axes.
     upright_hips:
@@ -55,6 +61,8 @@ class HumanFrames:
     series: RmpSeries
     rotation: Mapping[str, Array]
     heading: Array
+    arms: Mapping[str, Array]
+    arm_levers: Mapping[str, Array]
     hips: Array
     upright_hips: Array
     soles: Mapping[str, tuple[Array, Array]]
@@ -105,9 +113,18 @@ def human_frames(
     heading = headings(rotation["pelvis"])
     upright = robot.snapshot(robot.postures["neutral"])
     standing = np.mean([upright.position(name) for name in THIGHS], axis=0) - upright.com
+    arms = {
+        side: -np.stack([rotation[f"{side}_{part}"][:, :, 2] for part in ARM_PARTS], axis=1)
+        for side in SIDES
+    }
+    levers = {
+        side: arm_levers(robot, upright, *(f"{side}_{part}" for part in ARM_PARTS))
+        for side in SIDES
+    }
     return HumanFrames(
-        series, rotation, heading, hips - series.com, standing, soles, sole_rotation, down, roll
-    )
+        series, rotation, heading, arms, levers, hips - series.com, standing, soles, sole_rotation,
+        down, roll,
+    )  # fmt: skip
 
 
 def _slides(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:

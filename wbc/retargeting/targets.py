@@ -101,7 +101,8 @@ def scaled_targets(
     if step_scale < 1.0:
         feet = foot_paths(source, robot, legs, scaling)
     com = _scaled_com(source, setup, scale, scaling)
-    com[:, 2] -= lowering
+    human_com = com.copy()
+    com[:, 2] += _arm_rise(source, setup, scale) - lowering
     if feet.widening > 0.0:
         why = "for legs that cannot roll the soles" if feet.line_feet else "to pass each other"
         notes += (f"feet set {1e3 * feet.widening:.0f} mm farther outwards each, {why}",)
@@ -111,13 +112,7 @@ def scaled_targets(
     for part, frame in (("trunk", body.trunk), ("head", body.head)):
         if frame is not None and frame not in rotation:
             rotation[frame] = source.rotation[part] @ body.upright[frame]
-    arms = {
-        side: -np.stack(
-            [source.rotation[f"{side}_{part}"][:, :, 2] for part in ("upper_arm", "forearm")],
-            axis=1,
-        )
-        for side in body.arms
-    }
+    arms = {side: source.arms[side] for side in body.arms}
     targets = Targets(
         time=dt * np.arange(len(source)),
         com=com,
@@ -126,7 +121,7 @@ def scaled_targets(
         arms=arms,
         inertia=scale.inertia * np.array([vech_inverse(one) for one in series.inertia]),
         feet=feet,
-        human_com=com.copy(),
+        human_com=human_com,
         cop=np.full((len(source), 2), np.nan),
         notes=notes,
     )
@@ -207,6 +202,19 @@ def _scaled_com(
     com[:, :2] += min(max(shift, -most), most) * R[:, :2, 0]
     com[:, 2] = scale.robot_height + scale.length * height
     return com
+
+
+def _arm_rise(source: HumanFrames, setup: RobotSetup, scale: MotionScale) -> Array:
+    """Return what the robot's arms raise its CoM more than the human's, scaled, do (n,) [m].
+
+    A robot with light arms would have to stretch its legs to raise its CoM as far by raising them:
+    it would crouch wherever they hang.
+    """
+    rise = np.zeros(len(source))
+    for side, arms in source.arms.items():
+        levers = setup.standing.arm_levers.get(side, 0.0) - scale.length * source.arm_levers[side]
+        rise += (1.0 + arms[:, :, 2]) @ levers
+    return rise
 
 
 def _step_scale_and_lowering(
