@@ -35,7 +35,7 @@ def reference(crouch: wbc.Retargeted) -> MotionReference:
 
 
 def test_what_a_motion_asks_for(crouch: wbc.Retargeted, reference: MotionReference) -> None:
-    motion, h = reference.motion, 1e-3
+    motion, h = reference.motion, 5e-4
     robot = motion.robot
     assert (BEGINS, EASE) == (references.BEGINS, references.EASE)
     assert reference.duration == pytest.approx(1.5 * crouch.time[-1] + EASE)
@@ -48,7 +48,7 @@ def test_what_a_motion_asks_for(crouch: wbc.Retargeted, reference: MotionReferen
     at = reference.begins + 0.5 * EASE + 1.5 * crouch.time[k]
     np.testing.assert_allclose(reference.at(at).q, motion.q[k], atol=1e-4)  # linear over 1 ms
     # Rates are those of the values, by differences of samples: second order in h.
-    times = reference.begins + h * np.arange(300, 900)
+    times = reference.begins + h * np.arange(600, 1800)
     target = reference.at(times)
     for value, rate, size in (
         (target.com, target.com_velocity, 1e-4),

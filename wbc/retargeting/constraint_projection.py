@@ -195,7 +195,7 @@ class _LinearizedConstraints:
         """
         step, _ = step_within_limits(
             self.normal, self.joints, self.lower, self.upper, WEIGHT, damping,
-            np.zeros(self.joints.shape, dtype=bool), MAX_ACTIVE_SETS, release=False,
+            np.zeros(self.joints.shape, dtype=bool), MAX_ACTIVE_SETS,
         )  # fmt: skip
         return self.problem.apply_step(self.found.q, step)
 

@@ -52,7 +52,9 @@ CUTOFF = 5.0
 # m: pairs of bodies with less clearance than the first get rows, and keep the second.
 ACTIVE_CLEARANCE, TARGET_CLEARANCE = 8e-3, 2e-3
 LIMIT_OFFSET = 2e-3  # rad
-MAX_ACTIVE_SETS = 1  # of joints at their limits, tried in one iteration
+# Active sets of joints at their limits, tried in one iteration, and the excess [rad] that waits for
+# the next one.
+MAX_ACTIVE_SETS, MAX_EXCESS = 3, 0.02
 INITIAL_DAMPING = 3.0  # Levenberg-Marquardt weight of displacements: rows are of first order only
 MAX_STEP = 0.3  # rad or m, of one frame in one iteration
 
@@ -155,7 +157,7 @@ class TrajectoryProblem:
         """Return configurations (n, nq) after a step with the present damping."""
         step, self._at_limit = step_within_limits(
             known.normal, known.joints, self.lower, self.upper, LIMIT_WEIGHT, self.damping,
-            self._at_limit, MAX_ACTIVE_SETS, release=True,
+            self._at_limit, MAX_ACTIVE_SETS, MAX_EXCESS,
         )  # fmt: skip
         return self.apply_step(known.q, step)
 
@@ -353,12 +355,13 @@ class TrajectoryProblem:
 
 def step_within_limits(
     normal: NormalEquations, joints: Array, lower: Array, upper: Array, weight: float,
-    damping: float, held: NDArray[np.bool_], tries: int, *, release: bool,
+    damping: float, held: NDArray[np.bool_], tries: int, max_excess: float = 0.0,
 ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
     """Return displacements (n, nv) that violate limits by little, and the joints held at one.
 
     An active-set method: joints (n, nv - 6) that would pass a limit are ``held`` at the nearer one
-    by rows of high ``weight``, and with ``release`` let go where they are pulled inside.
+    by rows of high ``weight``. With a ``max_excess`` [rad] above 0, they are let go where they are
+    pulled inside, and a step is taken in which others pass limits by less.
     """
     nearest = np.where(joints - lower > upper - joints, upper, lower)
     nearest = np.where(np.isfinite(nearest), nearest, joints)
@@ -369,10 +372,10 @@ def step_within_limits(
         gradient[:, BASE_NV:] = weight**2 * held * (joints - nearest)
         step = normal.solve(diagonal, gradient)
         goal = joints + step[:, BASE_NV:]
-        past = (goal > upper) | (goal < lower) | (held if not release else False)
-        if np.array_equal(past, held):
+        excess = np.where(held, 0.0, np.maximum(goal - upper, lower - goal))
+        held = (goal > upper) | (goal < lower) if max_excess > 0.0 else held | (excess > 0.0)
+        if excess.max() <= max_excess:
             break
-        held = past
     return step, held
 
 
