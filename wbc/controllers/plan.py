@@ -18,7 +18,7 @@ from wbc.controllers.slack import Slacks
 from wbc.qp.problem import Labels
 from wbc.robot import Robot
 from wbc.tasks.task import Task
-from wbc.validate import Array, read_only
+from wbc.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,27 +32,16 @@ class Decision:
     names: tuple[str, ...]  # (n,), a bound is named after its unknown
     nv: int  # how many of them are v+
     damping: Array  # (n,) weights of 1/2 x^2 in the cost; they make the optimum unique
-    # (n - nv,) bounds on what is behind v+.
-    lower: Array
-    upper: Array
 
     @classmethod
     def velocity(cls, robot: Robot, damping: Array) -> Decision:
         """Return the unknowns of the velocity level."""
-        none = read_only(np.zeros(0))
-        return cls(BASE_ROWS + robot.joint_names, robot.nv, damping, none, none)
+        return cls(BASE_ROWS + robot.joint_names, robot.nv, damping)
 
-    def extended(
-        self, names: Sequence[str], lower: Array, upper: Array, damping: Array
-    ) -> Decision:
+    def extended(self, names: Sequence[str], damping: Array) -> Decision:
         """Return these unknowns and further ones (m,) behind them."""
-        return Decision(
-            self.names + tuple(names),
-            self.nv,
-            np.concatenate((self.damping, damping)),
-            np.concatenate((self.lower, lower)),
-            np.concatenate((self.upper, upper)),
-        )
+        every = self.names + tuple(names)
+        return Decision(every, self.nv, np.concatenate((self.damping, damping)))
 
     @cached_property
     def size(self) -> int:

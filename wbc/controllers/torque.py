@@ -347,7 +347,7 @@ class TorqueController(Controller):
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
         damping[forces.internal] *= INTERNAL
-        return velocity.extended(forces.names, forces.lower, forces.upper, damping)
+        return velocity.extended(forces.names, damping)
 
     def _physics_names(self) -> tuple[str, ...]:
         followers = tuple(f"dynamics {name}" for name in self.robot.motorless)
