@@ -54,7 +54,10 @@ def analyze(
         str | None, typer.Option(help="Flat foot, if no base was recorded: left, right, auto.")
     ] = None,
     feet: Annotated[
-        str, typer.Option(help="Feet that stand, as in left,right; auto: by height; or none.")
+        str,
+        typer.Option(
+            help="Feet that stand, as in left,right; auto: by height and sliding; or none."
+        ),
     ] = FEET,
     ground: Annotated[
         float | None,

@@ -57,8 +57,9 @@ def analyze(
         Foot that stands flat, or ``auto`` for the lower one, if the base was not recorded; see
         :func:`wbc.motion.planted_base.planted_base`.
     feet:
-        Feet that stand all the time, for the support polygon; or ``auto`` for those whose sole is
-        within 1 cm of the ground, and the planted one. None: the CoP is not checked.
+        Feet that stand all the time, for the support polygon; or ``auto`` for those of which
+        corners are within 1 cm of the ground and do not slide, and the planted one. None: the CoP
+        is not checked.
     ground_height:
         Height of the ground [m].
     gap:
@@ -111,7 +112,7 @@ def analyze(
     reaction = ground_reaction(robot, whole, height, measured)
     standing, margin = standing_feet(
         robot, whole.soles, names, feet != AUTO, frames.planted, reaction["flight"],
-        reaction["cop"], height,
+        reaction["cop"], height, frames.time,
     )  # fmt: skip
     angular_velocity = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
     series = RmpSeries(

@@ -23,7 +23,9 @@ from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
 from wbc.validate import Array, names_of
 
-MAX_SOLE_HEIGHT = 0.01  # m, of all corners of a sole that stands
+MAX_SOLE_HEIGHT = 0.01  # m, of corners that touch the ground
+# m/s, along the ground: soles that roll over an edge do not slide, those that swing over it do.
+MAX_ROLLING_SPEED = 0.25
 SAME_CORNER = 1e-9  # m, between corners
 FRAMES_PER_BATCH = 500  # whose arrays stay in the processor's cache
 COLLINEAR = 1e-9  # rad: a corner at this angle to the right of an edge is on it
@@ -117,6 +119,7 @@ def standing_feet(
     flight: Bools,
     cop: Array,
     height: float,
+    time: Array,
 ) -> tuple[Bools, SupportMargin | None]:
     """Return which feet stand (n, f), and the CoP's margin, None if there are no feet.
 
@@ -134,13 +137,13 @@ def standing_feet(
         return np.zeros((count, 0), dtype=bool), None
     columns = [tuple(robot.feet).index(name) for name in names]
     corners = sole_corners(robot, soles)[:, columns]
-    standing = (
-        np.ones((count, len(names)), dtype=bool) if fixed else feet_near_ground(corners, height)
-    )
-    if planted is not None and not fixed:
-        standing |= planted[:, None] == np.array(columns)
-    standing &= ~flight[:, None] | fixed
-    return standing, support_margins(corners, standing, cop)
+    touching = np.ones(corners.shape[:3], dtype=bool)
+    if not fixed:
+        touching = touching_corners(corners, height, time)
+        if planted is not None:
+            touching |= (planted[:, None] == np.array(columns))[..., None]
+        touching &= ~flight[:, None, None]
+    return np.asarray(touching.any(axis=2)), support_margins(corners, touching, cop)
 
 
 def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:
@@ -154,43 +157,50 @@ def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:
     return np.stack(parts, axis=1)
 
 
-def feet_near_ground(corners: Array, height: float) -> NDArray[np.bool_]:
-    """Return the feet (n, f) with all corners within 1 cm of the ground."""
-    return np.asarray((np.abs(corners[..., 2] - height) <= MAX_SOLE_HEIGHT).all(axis=2))
+def touching_corners(corners: Array, height: float, time: Array) -> NDArray[np.bool_]:
+    """Return which corners (n, f, k) of soles touch the ground.
+
+    All of a sole that is within 1 cm of it; of others the corners that are, and do not slide: soles
+    roll over their heels and toes.
+    """
+    low = np.abs(corners[..., 2] - height) <= MAX_SOLE_HEIGHT
+    flat = low.all(axis=2, keepdims=True)
+    if len(time) < 2:
+        return low & flat
+    speed = np.linalg.norm(np.gradient(corners[..., :2], time, axis=0), axis=-1)
+    return flat | (low & (speed <= MAX_ROLLING_SPEED))
 
 
-def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) -> SupportMargin:
-    """Return the distance of points inside the hull of the standing soles.
+def support_margins(corners: Array, touching: NDArray[np.bool_], points: Array) -> SupportMargin:
+    """Return the distance of points inside the hull of the corners that touch the ground.
 
-    Negative outside, NaN where no foot stands; else as :func:`wbc.polygon.polygon_margin`.
+    Negative outside, NaN where none touches; else as :func:`wbc.polygon.polygon_margin`.
 
     Parameters
     ----------
     corners:
         Corners of the soles (n, f, k, 3) [m].
-    standing:
-        Which feet stand (n, f).
+    touching:
+        Which of them touch (n, f, k).
     points:
         (n, 2) or more columns [m].
     """
     count, feet, each = corners.shape[:3]
     margins, gradients = np.full(count, np.nan), np.full((count, 2), np.nan)
     weights = np.zeros((count, feet))
-    some = np.flatnonzero(standing.any(axis=1))
+    some = np.flatnonzero(touching.any(axis=(1, 2)))
     if len(some):
-        chosen, stand = corners[some][..., :2], standing[some]
-        # Corners of feet that do not stand are replaced by one that does.
-        anchor = stand.argmax(axis=1)
-        corner_of_anchor = chosen[np.arange(len(some)), anchor, :1]  # (m, 1, 2)
-        flat = np.where(stand[:, :, None, None], chosen, corner_of_anchor[:, None])
-        flat = flat.reshape(len(some), -1, 2)
-        owner = np.where(stand, np.arange(feet), anchor[:, None])  # (m, f)
+        chosen = corners[some][..., :2].reshape(len(some), -1, 2)
+        touch = touching[some].reshape(len(some), -1)
+        # Corners that do not touch are replaced by one that does.
+        own = np.where(touch, np.arange(feet * each), touch.argmax(axis=1)[:, None])
         for part in range(0, len(some), FRAMES_PER_BATCH):
             rows = slice(part, part + FRAMES_PER_BATCH)
             at, inner = some[rows], np.arange(len(some[rows]))
-            margins[at], gradients[at], start, end, along = _margins(flat[rows], points[at, :2])
+            hull = np.take_along_axis(chosen[rows], own[rows, :, None], axis=1)
+            margins[at], gradients[at], start, end, along = _margins(hull, points[at, :2])
             for corner, weight in ((start, 1.0 - along), (end, along)):
-                weights[at, owner[rows][inner, corner // each]] += weight
+                weights[at, own[rows][inner, corner] // each] += weight
     return SupportMargin(margins, gradients, weights)
 
 
