@@ -175,6 +175,18 @@ def test_why_no_feet_were_found_is_said(tmp_path: Path, names: dict[str, str], r
     assert robot.feet == {} and note.startswith("no feet were found: ") and reason in note
 
 
+@pytest.mark.parametrize("fingers", ["f{}", "finger_{}", "l_ring_{}"])
+def test_fingers_of_a_hand_are_no_feet(fingers: str) -> None:
+    parts = [urdf.link("left_palm"), urdf.link("mount")]
+    parts.append(urdf.joint("m", "left_palm", "mount", kind="fixed"))
+    for k, (x, y) in enumerate(((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1))):
+        tip = fingers.format("abcd"[k])
+        shape = urdf.collision('box size="0.02 0.02 0.1"', "0 0 -0.05")
+        parts += [urdf.link(tip, shape), urdf.joint(f"j{k}", "mount", tip, at=f"{x} {y} -0.1")]
+    robot = Robot.load(urdf.robot("hand", *parts))
+    assert robot.feet == {} and robot.fixed_base
+
+
 def test_notes_on_a_robot_are_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     text = legged(tmp_path).read_text()
     path = tmp_path / "armature.urdf"

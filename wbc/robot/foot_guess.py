@@ -6,7 +6,7 @@ From names, positions and shapes; reasons are given for what is not found.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ CORNERS = {
 ENDS = {"front": {"front", "fore"}, "hind": {"hind", "rear", "back"}}
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
-ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
+HAND_WORDS = {"hand", "gripper", "finger", "thumb", "palm"}
+ARM_WORDS = {*HAND_WORDS, "wrist", "arm"}
 NAMELESS = "no link is called a left or right foot, ankle or sole"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
@@ -329,8 +330,6 @@ def _four_lowest(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[d
     found = _by_position(data, low)
     if not found:
         return {}, f"{lowest}, are not two to either side"
-    if any(words_of(name) & NOT_FEET for name in low.values()):
-        return {}, f"{lowest}, are called hands or wheels"
     return found, ""
 
 
@@ -359,6 +358,14 @@ def _ambiguous_names(
     return f"{', '.join(others)} of other legs are called so, too, as {chosen}" if others else ""
 
 
+def _links_above(model: pin.Model, frame: pin.Frame) -> Iterator[str]:
+    """Yield the names of the links that carry a link, up to the root."""
+    while int(frame.parentFrame) > 0:
+        frame = model.frames[int(frame.parentFrame)]
+        if frame.type == pin.FrameType.BODY:
+            yield str(frame.name)
+
+
 def _lowest_pair(
     model: pin.Model, data: pin.Data, geometry: GeometrySource, bodies: list[pin.Frame]
 ) -> tuple[dict[str, str], str]:
@@ -375,6 +382,10 @@ def _lowest_pair(
     lowest = f"{NAMELESS}; the lowest ends of limbs, {', '.join(names)}"
     if any(words_of(name) & NOT_FEET for name in names):
         return {}, f"{lowest}, are called hands or wheels"
+    carriers = [name for joint in low for name in _links_above(model, ends[joint])]
+    hand = next((name for name in carriers if words_of(name) & HAND_WORDS), None)
+    if hand is not None:
+        return {}, f"{lowest}, are fingers of {hand}"
     if len(low) == 4:
         return _four_lowest(data, {joint: str(ends[joint].name) for joint in low}, lowest)
     if len(low) != 2:
