@@ -187,6 +187,17 @@ def test_fingers_of_a_hand_are_no_feet(fingers: str) -> None:
     assert robot.feet == {} and robot.fixed_base
 
 
+def test_fingers_of_a_hand_in_an_mjcf_are_no_feet() -> None:
+    fingers = (
+        f'<body pos="{x} {y} -.1"><joint axis="0 1 0"/><geom type="box" size=".01 .01 .05"/></body>'
+        for x in (0.1, -0.1)
+        for y in (0.1, -0.1)
+    )
+    hand = f'<body name="left_hand"><body name="mount"><geom size=".05"/>{"".join(fingers)}</body>'
+    robot = Robot.load(f"<mujoco><worldbody>{hand}</body></worldbody></mujoco>")
+    assert robot.feet == {} and robot.fixed_base
+
+
 def test_notes_on_a_robot_are_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     text = legged(tmp_path).read_text()
     path = tmp_path / "armature.urdf"

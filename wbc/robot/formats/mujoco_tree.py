@@ -79,7 +79,7 @@ def build_tree(part: RobotPart) -> pin.Model:
             pose = pose * pose_of(model.body_pos[body], model.body_quat[body])
         own = joints.get(body, [])
         for joint in own:
-            carrier, above, pose = _add_joint(part, tree, joint, carrier, pose)
+            carrier, above, pose = _add_joint(part, tree, joint, carrier, above, pose)
             if joint != own[-1]:
                 inner = f"{names.bodies[body]}:{names.joints[joint]}"
                 above = _add_frame(tree, inner, carrier, above, pose)
@@ -101,9 +101,12 @@ def _add_frame(tree: pin.Model, name: str, joint: int, above: int, pose: pin.SE3
 
 
 def _add_joint(
-    part: RobotPart, tree: pin.Model, joint: int, carrier: int, pose: pin.SE3
+    part: RobotPart, tree: pin.Model, joint: int, carrier: int, above: int, pose: pin.SE3
 ) -> tuple[int, int, pin.SE3]:
-    """Add a joint of a body that is at ``pose`` in ``carrier``; return what carries it then."""
+    """Add a joint of a body that is at ``pose`` in ``carrier``, below the frame ``above``.
+
+    Return what carries the body then: joint, frame, and its pose in the joint.
+    """
     model, kind = part.model, part.kind_of(joint)
     ref = float(model.qpos0[part.start_of(joint)])
     axis, anchor = np.array(model.jnt_axis[joint]), np.array(model.jnt_pos[joint])
@@ -115,7 +118,7 @@ def _add_joint(
     there = pin.SE3(np.eye(3), anchor)
     placed, name = pose * there * moved, part.names.joints[joint]
     index = tree.addJoint(carrier, _joint_model(kind, axis), placed, name)
-    return index, int(tree.addJointFrame(index)), there.inverse()
+    return index, int(tree.addJointFrame(index, above)), there.inverse()
 
 
 def _joint_model(kind: str, axis: Array) -> Any:
