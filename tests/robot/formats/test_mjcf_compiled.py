@@ -459,6 +459,24 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
         Robot.load(model)
 
 
+def test_the_hinges_of_a_ball_have_its_spring_and_damper_alone() -> None:
+    """Made by ``springdamper``; what a class gives hinges, such as ``ref``, is none of a ball's."""
+    ball = BALL.replace('damping=".3"', 'springdamper=".2 .5"')
+    given = '<joint ref="20" springref="30" actuatorfrcrange="-3 3" damping="9"/>'
+    content = text(ball).replace("<worldbody>", f"<default>{given}</default><worldbody>", 1)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    end = model.joint("end")
+    assert model.jnt_stiffness[end.id] > 0.0
+    for spring in robot.passive.springs.values():
+        assert (spring.stiffness, spring.rest) == (model.jnt_stiffness[end.id], 0.0)
+    np.testing.assert_array_equal(robot.damping, model.dof_damping[end.dofadr[0]])
+    assert len(robot.passive.springs) == 3 and np.isinf(robot.limits.effort).all()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.position("rod"), data.body("rod").xpos, atol=1e-12)
+
+
 def test_motors_about_an_axis_of_a_ball_are_those_of_its_hinge() -> None:
     tail = (
         '<keyframe><key name="k" qpos="0 0 1 1 0 0 0 1 0 0 0" ctrl="1 1 1"/></keyframe><actuator>'

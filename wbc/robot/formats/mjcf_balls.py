@@ -15,7 +15,9 @@ from wbc.robot.notes import noted
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
-COPIED = ("pos", "damping", "armature", "frictionloss", "stiffness", "limited")
+COPIED = ("pos", "damping", "armature", "frictionloss", "stiffness", "limited", "actgravcomp")
+# What a class may give hinges, and no ball heeds.
+OF_HINGES = {"ref": 0.0, "springref": 0.0, "springdamper": (0.0, 0.0), "actfrclimited": 0}
 
 
 def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, ...]]:
@@ -37,20 +39,25 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     ]
     if not balls:
         return model, ()
-    kept = [_key_coordinates(mujoco, model, {int(joint.id) for _, joint in balls}, k)
-            for k in range(model.nkey)]  # fmt: skip
+    ids = [int(joint.id) for _, joint in balls]  # which change as joints are added
+    kept = [_key_coordinates(mujoco, model, {*ids}, key) for key in range(model.nkey)]
     names, wider = [], []
-    limited = [bool(model.jnt_limited[joint.id]) for _, joint in balls]
-    for (body, joint), bounded in zip(balls, limited, strict=True):
+    for (body, joint), k in zip(balls, ids, strict=True):
         names.append(str(joint.name) or f"{body.name}_joint")
         reach = float(joint.range[1])
-        if bounded and 0.0 < reach < np.pi:
+        if model.jnt_limited[k] and 0.0 < reach < np.pi:
             wider.append(f"{names[-1]} by {_combined_angle(reach):.3g} rad, not {reach:.3g}")
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
             hinge.type = mujoco.mjtJoint.mjJNT_HINGE
             for name in COPIED:
                 setattr(hinge, name, getattr(joint, name))
+            for name, value in OF_HINGES.items():
+                setattr(hinge, name, value)
+            if any(joint.springdamper):  # from which the compiler made both
+                hinge.stiffness = _with_first(joint.stiffness, model.jnt_stiffness[k])
+                damping = model.dof_damping[model.jnt_dofadr[k]]
+                hinge.damping = _with_first(joint.damping, damping)
             hinge.range = (-reach, reach)
         delete_from(spec, joint)  # last: what it hands out are views of it
     motor_notes = _move_motors(mujoco, spec, names)
@@ -68,6 +75,13 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         wider,
     )
     return spec.compile(), notes + motor_notes
+
+
+def _with_first(coefficients: Any, value: float) -> Any:
+    """Return coefficients, of which older MuJoCo has only the first, with another first one."""
+    if np.ndim(coefficients) == 0:
+        return value
+    return np.append(value, coefficients[1:])
 
 
 def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
