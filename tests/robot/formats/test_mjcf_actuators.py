@@ -71,6 +71,19 @@ def test_filtered_motors_give_what_their_controls_bound(tmp_path: Path, dynamics
     np.testing.assert_allclose(robot.limits.effort[0], data.qfrc_actuator[6], rtol=1e-6)
 
 
+@pytest.mark.parametrize("dynamics", ["filter", "integrator"])
+def test_a_range_of_activations_bounds_motors(tmp_path: Path, dynamics: str) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    motor = f'dyntype="{dynamics}" dynprm=".1" gainprm="5" ctrlrange="-2 2" actrange="-.5 .5"'
+    content = text(f'<general joint="motor" {motor}/>')
+    model = mujoco.MjModel.from_xml_string(content)
+    data = mujoco.MjData(model)
+    data.act[:] = data.ctrl[:] = 2.0
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(load(tmp_path, content).limits.effort[0], data.qfrc_actuator[6])
+
+
 def test_actuators_after_one_with_two_controls_keep_their_ranges(tmp_path: Path) -> None:
     """Newer MuJoCo counts controls, which are more than actuators."""
     two = (

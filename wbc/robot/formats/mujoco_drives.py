@@ -126,14 +126,17 @@ def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
     plain = (
         model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
-        and int(model.actuator_dyntype[motor]) in map(int, followers)
     )
     first = int(getattr(model, "actuator_ctrladr", range(motor + 1))[motor])  # of its controls
-    if plain and model.actuator_ctrllimited[first]:  # force in proportion to the control
-        control = _scaled(
-            _range(model.actuator_ctrlrange[first]), float(model.actuator_gainprm[motor, 0])
-        )
-        low, high = max(force[0], control[0]), min(force[1], control[1])
+    inputs = []  # force is in proportion to the control, or to the activation
+    follows = int(model.actuator_dyntype[motor]) in map(int, followers)
+    if follows and model.actuator_ctrllimited[first]:
+        inputs.append(_range(model.actuator_ctrlrange[first]))
+    if model.actuator_actlimited[motor]:
+        inputs.append(_range(model.actuator_actrange[motor]))
+    for given in inputs if plain else ():
+        own = _scaled(given, float(model.actuator_gainprm[motor, 0]))
+        low, high = max(force[0], own[0]), min(force[1], own[1])
         force = (low, high) if low <= high else force
     return _scaled(force, gear)
 
