@@ -107,12 +107,15 @@ def read_shapes(
     mine = {*part.bodies}
     rules = _rules(model, mine, names)
     used: dict[int, int] = {}
-    shapes, unknown = list[GeomShape](), list[str]()
+    shapes, unknown, scenery = list[GeomShape](), list[str](), list[str]()
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
+        kind = kinds.get(int(model.geom_type[geom]))
+        touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+        if body == 0 and touches and kind is not None:  # but for the ground
+            scenery.append(names.geoms[geom])
         if body not in mine:
             continue
-        kind = kinds.get(int(model.geom_type[geom]))
         if kind is None:
             unknown.append(
                 f"{types(int(model.geom_type[geom])).name[7:].lower()} of body"
@@ -122,7 +125,6 @@ def read_shapes(
         mesh = int(model.geom_dataid[geom]) if kind in ("mesh", "sdf") else -1
         place = used.setdefault(mesh, len(used)) if mesh >= 0 else -1
         name = names.geoms[geom]
-        touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         shapes.append(
             GeomShape(
                 name=name,
@@ -139,6 +141,7 @@ def read_shapes(
         )
     meshes = tuple(_triangles(model, mesh) for mesh in used)
     notes = noted("shapes left out, as only the ground has such: {}", unknown, 3)
+    notes += noted("shapes of the world, which are no part of the robot, left out: {}", scenery, 3)
     return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
 
 
