@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError, listed, shown
 from wbc.kinds import check_path, check_word, switch
 from wbc.notebook import as_html, with_picture
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
@@ -211,6 +211,12 @@ class Robot(KinematicTree):
         closure = Closure(model, limits, ties, couplings, free, passive.springs)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
         stance = stance_from_postures(found, description, postures, feet, base, closure)
+        if description.on_world and not stance.bolted:
+            raise ModelError(
+                f"{found.path}: equality constraint {description.on_world[0]!r} ties the robot to"
+                " the world, but its base floats; base: fixed holds it, or remove the constraint,"
+                " and hold the frame by a contact with friction=None"
+            )
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, (*free, *couplings))

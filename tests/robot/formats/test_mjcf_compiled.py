@@ -377,6 +377,27 @@ def test_equality_constraints_act_while_they_are_active() -> None:
         load(text(arm(), tail=PULLED + tied))
 
 
+def test_a_foot_tied_to_the_world_needs_a_fixed_base() -> None:
+    """Of a root without a free joint, which floats for it has feet; the tie was to the root."""
+    tie = '<equality><connect name="c" body1="left_foot" anchor="0 0 0"/></equality>'
+    content = text(LEGS, root=TRUNK.replace("<freejoint/>", ""), tail=tie)
+    with pytest.raises(ModelError, match=r"'c' ties the robot to the world.* base: fixed"):
+        Robot.load(content)
+    robot = Robot.load(content, base="fixed")
+    assert robot.gaps(robot.postures["neutral"])["c"] < 1e-12
+
+
+def test_shapes_of_the_world_beside_the_robot_are_told() -> None:
+    mark = '<geom type="sphere" size=".1" contype="0" conaffinity="0"/>'
+    floor = f'<geom type="plane" size="1 1 1"/>{mark}'
+    content = text(arm())
+    with_floor = content.replace("<worldbody>", f"<worldbody>{floor}", 1)
+    assert Robot.load(with_floor).notes == Robot.load(content).notes
+    table = with_floor.replace(floor, floor + '<geom name="table" type="box" size="1 1 1"/>')
+    told = {*Robot.load(table).notes} - {*Robot.load(content).notes}
+    assert told == {"shapes of the world, which are no part of the robot, left out: table"}
+
+
 @pytest.mark.parametrize("given", ["file", "text"])
 def test_without_mujoco_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str

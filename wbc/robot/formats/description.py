@@ -171,6 +171,7 @@ class Description:
     notes: tuple[str, ...] = ()  # what was tolerated, in words
     passive: PassiveForces = NO_FORCES  # springs and the like of all joints
     loops: Mapping[str, Loop] = field(default_factory=dict)
+    on_world: tuple[str, ...] = ()  # those with an end on the world, which is the root's here
     # Joints that no motor drives; None if the file does not tell.
     unactuated: tuple[str, ...] | None = None
     # The file's initial joint positions, from which loops may be closed.

@@ -60,7 +60,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
     passive = passive_forces(part)
     coupled, tie_notes = couplings(part)
     held = [name for name, coupling in coupled.items() if coupling.is_constant]
-    loops, loop_notes = add_loops(part, tree, base)
+    loops, on_world, loop_notes = add_loops(part, tree, base)
     return Description(
         name=compiled.name,
         path=path,
@@ -81,6 +81,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         + _other_notes(part, tree, passive),
         passive=passive,
         loops=loops,
+        on_world=on_world,
         unactuated=unactuated_joints(part),
         drawn=initial_joints(part),
     )

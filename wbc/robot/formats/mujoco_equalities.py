@@ -131,10 +131,11 @@ def _recentred(driver: str, powers: list[float], drawn: float, there: float) -> 
 
 def add_loops(
     part: RobotPart, tree: pin.Model, base: pin.SE3
-) -> tuple[dict[str, Loop], tuple[str, ...]]:
+) -> tuple[dict[str, Loop], tuple[str, ...], tuple[str, ...]]:
     """Add the frames of active ``connect`` and ``weld`` constraints to ``tree``.
 
-    Return the loops by name, and notes. An end on the world is one on a root that is fixed.
+    Return the loops by name, which of them have an end on the world, which becomes one on a root
+    that is fixed, and notes.
 
     Raises
     ------
@@ -142,7 +143,7 @@ def add_loops(
         A constraint ties a floating base to the world.
     """
     loops, model, names = dict[str, Loop](), part.model, part.names
-    tied = set(_active(part))
+    tied, on_world = set(_active(part)), list[str]()
     for number in range(model.neq):
         kind = _kind(part, number)
         if kind.name not in TIES or not _is_robots_own(part, number):
@@ -159,6 +160,7 @@ def add_loops(
                 " floating base to the world; remove it, and hold the frame by a contact with"
                 " friction=None"
             )
+        on_world += [name] if 0 in ends else []
         frames = []
         for body, place in zip(ends, places, strict=True):
             joint, above, pose = 1, 0, base.inverse() * place
@@ -175,7 +177,7 @@ def add_loops(
     passed = [names.equalities[k] or f"number {k}" for k in range(model.neq) if k not in tied]
     notes = noted("equality constraints that are not active: {}", passed)
     told = [f"{name} ({one.kind})" for name, one in loops.items()]
-    return loops, notes + noted("closed loops: {}", told)
+    return loops, tuple(on_world), notes + noted("closed loops: {}", told)
 
 
 def _ends(part: RobotPart, number: int) -> tuple[list[int], list[pin.SE3]]:
