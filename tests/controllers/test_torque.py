@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from tests import urdf
 from tests.standing import stack, standing
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.robot import Robot, Snapshot
@@ -39,6 +40,24 @@ def generalized(here: Snapshot, forces: dict[str, np.ndarray]) -> np.ndarray:
         )
         total += J.T @ wrench
     return total
+
+
+def test_a_root_without_mass_stands() -> None:
+    """It turns between its hips without moving a mass: the mass matrix has no inverse."""
+    parts, sole = ['<link name="trunk"/>'], urdf.collision('box size="0.2 0.08 0.04"')
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        parts += [urdf.link(f"{side}_thigh", at="0 0 -0.1"), urdf.link(f"{side}_foot", sole)]
+        hip, knee = f"{side}_hip", f"{side}_knee"
+        parts.append(urdf.joint(hip, "trunk", f"{side}_thigh", at=f"0 {y} -0.1"))
+        parts.append(urdf.joint(knee, f"{side}_thigh", f"{side}_foot", at="0 0 -0.3"))
+    robot = Robot.load(urdf.robot("massless root", *parts))
+    s = robot.snapshot(robot.posture())
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.inv(s.mass_matrix)
+    tasks = [wbc.PostureTask(robot, s.q)]
+    contacts = wbc.support(s, "double")
+    tick = wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot)).step(s)
+    assert not tick.relaxed and float(np.abs(tick.acceleration).max()) < 0.1
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -19,6 +19,7 @@ from wbc.validate import Array, finite_number, read_only
 # Relative tolerance for redundant contact rows; least deceleration [rad/s^2 or m/s^2] of joints
 # that contacts lock, so that they have a braking distance.
 PINV_TOLERANCE, LEAST_DECELERATION = 1e-9, 0.1
+LEAST_INERTIA = 1e-12  # kg m^2 or kg: in place of none
 MOST_CACHED = 64  # sets of contacts
 
 
@@ -80,7 +81,11 @@ class StanceBraking:
         # A bolted base does not move, and may be without mass.
         moves = slice(BASE_NV if robot.fixed_base else 0, None)
         freely = np.zeros((robot.nv, robot.nv))
-        freely[moves, moves] = np.linalg.inv(standing.mass_matrix[moves, moves])
+        M = standing.mass_matrix[moves, moves]
+        try:
+            freely[moves, moves] = np.linalg.inv(M)
+        except np.linalg.LinAlgError:  # something turns without moving a mass, such as a root's
+            freely[moves, moves] = np.linalg.inv(M + LEAST_INERTIA * np.eye(len(M)))
         return freely, robot.gravity / np.maximum(away, PINV_TOLERANCE)
 
     def _decelerations_with(self, J: Array) -> Array:
