@@ -48,12 +48,11 @@ def test_a_root_without_mass_stands() -> None:
     for side, y in (("left", 0.1), ("right", -0.1)):
         parts += [urdf.link(f"{side}_thigh", at="0 0 -0.1"), urdf.link(f"{side}_foot", sole)]
         hip, knee = f"{side}_hip", f"{side}_knee"
-        parts.append(urdf.joint(hip, "trunk", f"{side}_thigh", at=f"0 {y} -0.1"))
+        parts.append(urdf.joint(hip, "trunk", f"{side}_thigh", at=f"0 {y} 0"))
         parts.append(urdf.joint(knee, f"{side}_thigh", f"{side}_foot", at="0 0 -0.3"))
     robot = Robot.load(urdf.robot("massless root", *parts))
     s = robot.snapshot(robot.posture())
-    with pytest.raises(np.linalg.LinAlgError):
-        np.linalg.inv(s.mass_matrix)
+    assert abs(np.linalg.eigvalsh(s.mass_matrix)[0]) < 1e-12
     tasks = [wbc.PostureTask(robot, s.q)]
     contacts = wbc.support(s, "double")
     tick = wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot)).step(s)
