@@ -28,7 +28,7 @@ def test_what_is_shown(
 ) -> None:
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=100, highlight=False)
-    monkeypatch.setattr(progress, "Console", lambda **_: console)
+    monkeypatch.setattr(progress, "plain_console", lambda **_: console)
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", -1.0)
     with progress.shown_progress() as show:
         show(*call)

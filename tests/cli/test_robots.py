@@ -33,6 +33,22 @@ def test_missing_limits_are_said(tmp_path: Path) -> None:
     assert row.split() == ["j", "-1", "1", "none", "none", "1.000"]
 
 
+def test_names_that_look_like_markup_are_printed_as_they_are(tmp_path: Path) -> None:
+    """A console would take [/j] for the end of a style, and leave [lr] out."""
+    links = map(urdf.link, ("base", "[lr]eft"))
+    text = urdf.robot("odd", *links, urdf.joint("[/j]", "base", "[lr]eft"))
+    (tmp_path / "[odd].urdf").write_text(text)
+    shown = wbc_command("robots", tmp_path / "[odd].urdf").stdout
+    assert {"[lr]eft", "[/j]"} <= set(shown.partition("frames:")[2].split())
+    problem = tmp_path / "[p].yaml"
+    problem.write_text(
+        "robot: '[odd].urdf'\ntasks:\n  p: {type: posture, target: start}\n"
+        "  tip: {type: frame, frame: '[lr]eft', control: position, target: start}\n"
+        "stop: {duration: 0.05}\n"
+    )
+    assert "([/j], tick 0)" in wbc_command("run", problem).stdout
+
+
 def test_joints_that_follow_others_are_named(tmp_path: Path) -> None:
     path = tmp_path / "hand.urdf"
     links = map(urdf.link, ("palm", "thumb_link", "finger_link"))

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.console import Console
 
+from wbc.cli.console import plain_console
 from wbc.cli.human_options import HumanOptions
 from wbc.cli.printing import heads, print_line
 from wbc.errors import InvalidInputError
@@ -66,7 +66,7 @@ def print_plates(found: Comparison | None) -> None:
         text = "they never measure all of the ground's force: nothing to compare"
         print_line("plates", text, "yellow")
         return
-    console = Console(highlight=False)
+    console = plain_console()
     count, both = len(found.time), int((~found.single).sum())
     table = heads("force plates, from the motion alone", "rms", "of the peak", "in the band")
     rms = np.sqrt((found.force_error**2).mean(axis=0))

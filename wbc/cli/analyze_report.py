@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import heads, print_dropouts, print_line
 from wbc.motion import RmpSeries
 from wbc.motion.uncertainty import BAND
@@ -20,7 +20,7 @@ NEAR_END = "within a period of the low-pass of an end, where it extrapolates the
 
 def print_analysis(series: RmpSeries, human: bool) -> None:
     """Print dropouts, noise, the table and the verdict."""
-    console = Console(highlight=False)
+    console = plain_console()
     seconds = float(series.time[-1] - series.time[0])
     rate = (len(series) - 1) / seconds
     head = Text(Path(series.source).name, style="bold")

@@ -12,6 +12,7 @@ from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.motion.dropouts import Dropout
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus, unit_of
@@ -35,7 +36,7 @@ _STOPPED = {
 
 def print_result(result: Result, written: Iterable[Path]) -> None:
     """Print a run's status, each task's error, and the worst margins and times."""
-    console = Console(highlight=False)
+    console = plain_console()
     time = result.history.time
     seconds = len(time) * float(time[1] - time[0]) if time.size > 1 else 0.0
     reach = f", {result.reach}" if result.reach else ""
@@ -56,7 +57,7 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
 
 def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
     """Print the status of a pendulum's problem, and its measures."""
-    console = Console(highlight=False)
+    console = plain_console()
     console.print(head(result.status, result.reason))
     table = heads("measured", "")
     for name, value in result.measures.items():
@@ -75,14 +76,14 @@ def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> 
 
 def print_line(name: str, text: str, style: str = "dim") -> None:
     """Print a name of at most eight letters, and what is told under it."""
-    Console(highlight=False).print(Text.assemble((f"{name:9}", style), text))
+    plain_console().print(Text.assemble((f"{name:9}", style), text))
 
 
 def print_written(written: Iterable[Path], width: int = 15) -> None:
     """Print which files were written."""
     for path in written:  # never folded: a path is to be copied
         line = Text.assemble((f"{'written':{width}}", "dim"), str(path))
-        Console(highlight=False).print(line, soft_wrap=True)
+        plain_console().print(line, soft_wrap=True)
 
 
 def tasks_table(result: Result) -> Table:
@@ -310,4 +311,4 @@ def print_dropouts(dropouts: Sequence[Dropout]) -> None:
     for line in lines[:SHOWN_DROPOUTS]:
         print_line("dropout", line, "yellow")
     if len(lines) > SHOWN_DROPOUTS:
-        Console(highlight=False).print(f"and {len(lines) - SHOWN_DROPOUTS} more dropouts")
+        plain_console().print(f"and {len(lines) - SHOWN_DROPOUTS} more dropouts")

@@ -15,6 +15,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.status import Status
+from rich.text import Text
+
+from wbc.cli.console import plain_console
 
 if TYPE_CHECKING:
     from wbc.batch import BatchProgress
@@ -35,11 +38,14 @@ def shown_progress(quiet: bool = False) -> Iterator[ProgressCall | None]:
     if quiet:
         yield None
         return
-    console = Console(stderr=True, highlight=False)
+    console = plain_console(stderr=True)
     if not console.is_terminal:
         yield _lines(console)
         return
-    columns = (TextColumn("{task.fields[doing]}"), BarColumn(), TextColumn("{task.fields[state]}"))
+    told, state = (
+        TextColumn(f"{{task.fields[{one}]}}", markup=False) for one in ("doing", "state")
+    )
+    columns = told, BarColumn(), state
     with Progress(*columns, console=console, transient=True) as bar:
         shown = bar.add_task("", total=None, doing="", state="")
 
@@ -128,7 +134,7 @@ class _StatusHandler(logging.Handler):
         self._status = status
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._status.update(f"{record.getMessage()} ...")
+        self._status.update(Text(f"{record.getMessage()} ..."))
 
 
 @contextmanager
@@ -140,12 +146,12 @@ def starting(what: str, quiet: bool = False) -> Iterator[None]:
     what:
         The first activity, such as ``"loading p.yaml"``; the library logs later ones.
     """
-    console, logger = Console(stderr=True, highlight=False), logging.getLogger(DOING)
+    console, logger = plain_console(stderr=True), logging.getLogger(DOING)
     if quiet or not console.is_terminal:
         yield
         return
     level, propagates = logger.level, logger.propagate
-    with console.status(f"{what} ...") as status:
+    with console.status(Text(f"{what} ...")) as status:
         told = _StatusHandler(status)
         logger.setLevel(logging.INFO)
         logger.addHandler(told)

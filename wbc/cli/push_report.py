@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import facts, heads, print_written
 from wbc.problem.pushed_problem import PushSettings
 from wbc.simulation import PushMap
@@ -18,7 +18,7 @@ from wbc.simulation.push_map import compare_maps
 
 def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterable[Path]) -> None:
     """Print the survived impulses by direction, beside the theoretical bounds, with notes."""
-    console = Console(highlight=False)
+    console = plain_console()
     first = maps[0]
     many = len(maps) > 1
     for one in maps:

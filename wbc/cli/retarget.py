@@ -265,12 +265,11 @@ def _duration(text: str) -> str | float:
 
 def print_retargeted(found: Retargeted) -> None:
     """Print scale, notes, tracking errors, violations, and what cannot be balanced."""
-    from rich.console import Console
-
+    from wbc.cli.console import plain_console
     from wbc.cli.printing import heads, print_line, print_unbalanced
     from wbc.retargeting.robot_setup import NO_SELF_COLLISION
 
-    console, scale = Console(highlight=False), found.scale
+    console, scale = plain_console(), found.scale
     sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
     print_line("scale", sizes)
     for note in found.notes:

@@ -53,7 +53,9 @@ def robots(
 def _describe(robot: Robot) -> None:
     """Print everything that a problem file can name or must respect."""
     from rich.columns import Columns
-    from rich.console import Console
+    from rich.text import Text
+
+    from wbc.cli.console import plain_console
 
     base = "fixed" if robot.fixed_base else "floating"
     typer.echo(f"{robot.name}  {robot.path}")
@@ -61,21 +63,21 @@ def _describe(robot: Robot) -> None:
     feet = ", ".join(f"{foot.name} ({foot.link})" for foot in robot.feet.values())
     typer.echo(f"feet: {feet or 'none'}")
     typer.echo(f"postures: {', '.join(robot.postures)}")
-    console = Console(highlight=False)
+    console = plain_console()
     console.print(_joints(robot))
     missing = missing_limits(robot)
     for name, drive in robot.couplings.items():
         follows = f"{drive.ratio:g} {drive.driver} {drive.offset:+g}"
         powers = zip(("^2", "^3", "^4"), drive.curved, strict=True)
         follows += "".join(f" {by:+g} {drive.driver}{power}" for power, by in powers if by)
-        console.print(f"{name} follows: {follows}", markup=False)
+        console.print(f"{name} follows: {follows}")
     for name, loop in robot.loops.items():
-        console.print(f"loop {name} ({loop.kind}): {' = '.join(loop.frames)}", markup=False)
+        console.print(f"loop {name} ({loop.kind}): {' = '.join(loop.frames)}")
     if robot.unactuated:
-        console.print(f"without a motor: {', '.join(robot.unactuated)}", markup=False)
-    console.print(f"\nmissing limits: {missing or 'none'}", markup=False)
-    console.print("\nframes:", markup=False)
-    console.print(Columns(robot.frame_names, padding=(0, 2), column_first=True))
+        console.print(f"without a motor: {', '.join(robot.unactuated)}")
+    console.print(f"\nmissing limits: {missing or 'none'}")
+    console.print("\nframes:")
+    console.print(Columns(map(Text, robot.frame_names), padding=(0, 2), column_first=True))
 
 
 def _joints(robot: Robot) -> Table:

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import (
     SHOWN,
     facts,
@@ -48,7 +48,7 @@ def print_unbalanced_motion(reference: object) -> None:
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     """Print whether the robot stood, the tasks' errors, and the effort."""
-    console = Console(highlight=False)
+    console = plain_console()
     ticks = len(result.run.history)
     console.print(head(result.status, f"{result.reason} ({ticks} ticks)"))
     console.print(tasks_table(result.run))
