@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from tests import urdf
@@ -12,6 +13,7 @@ from wbc.gait import Walker
 from wbc.polygon import polygon_area
 from wbc.robot import Robot
 from wbc.robot.postures import is_standing
+from wbc.robot.sole import lowest_point
 
 LIMIT = urdf.limit(1.5, 50, 5)
 LEG = (("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
@@ -475,3 +477,31 @@ def test_locked_legs_are_told_and_turn_nothing_upside_down(tmp_path: Path) -> No
     one = Robot.load(path, locked={"left_*": 0.1})
     assert list(one.feet) == ["right"]
     assert "the base carries left_foot with no joint between" in one.notes[0]
+
+
+@pytest.mark.parametrize("turned", ["1.5707963 0 0", "0 1.5707963 0.4"])
+def test_a_lying_cylinder_stands_on_a_line(tmp_path: Path, turned: str) -> None:
+    """Not on a facet of the prism whose corners stand for its rim, which is tilted by 11 degrees."""
+    roller = urdf.collision('cylinder radius="0.06" length="0.1"', "0 0 0", turned)
+    robot = Robot.load(biped(tmp_path, roller))
+    for foot in robot.feet.values():
+        assert len(foot.polygon) == 2
+        np.testing.assert_allclose(np.linalg.norm(np.ptp(foot.polygon, axis=0)), 0.1, rtol=1e-6)
+        np.testing.assert_allclose(robot.frame(foot.frame).placement.rotation[:, 2], [0, 0, 1])
+    assert any("left foot touches level ground along a line only" in note for note in robot.notes)
+
+
+def test_nothing_of_a_foot_of_round_shapes_is_below_its_sole(tmp_path: Path) -> None:
+    shapes = (
+        urdf.collision('capsule radius="0.0437" length="0.0716"', "0.0101 0.0023 -0.0199"),
+        urdf.collision('sphere radius="0.034"', "0.0356 -0.0125 -0.0219"),
+        urdf.collision(
+            'cylinder radius="0.0597" length="0.0694"', "-0.0066 0 -0.0258", "0 1.5708 -0.0555"
+        ),
+    )
+    robot = Robot.load(biped(tmp_path, "".join(shapes)))
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.posture())
+    for foot in robot.feet.values():
+        joint = int(robot.frame(foot.frame).parentJoint)
+        assert abs(lowest_point(robot.model, data, robot.geometry, joint)) < 1e-9

@@ -144,12 +144,12 @@ def find_sole(
         return None
     lowest, polygon = _flat_part(points, axes)
     if polygon_area(polygon) < FULL_SHARE * _footprint(points, axes):
-        face, seen = _tilted_face(points, axes), points
+        face = _tilted_face(points, axes)
         for _ in range(FACE_SEARCHES):  # the lowest points of round shapes depend on the face
             if face is not None:
-                seen = _points(shapes, face[:, 2])
-                face = _tilted_face(seen, axes)
+                face = _tilted_face(_points(shapes, face[:, 2]), axes)
         if face is not None:
+            seen = _points(shapes, face[:, 2])  # those of a lying cylinder are no face, but a line
             height, larger = _flat_part(seen, face)
             touching = points[points @ axes[:, 2] <= lowest + FLAT] @ face[:, 2] <= height + FLAT
             if touching.all() and polygon_area(larger) > 2.0 * polygon_area(polygon):
