@@ -59,6 +59,16 @@ def test_a_root_without_mass_stands() -> None:
     assert not tick.relaxed and float(np.abs(tick.acceleration).max()) < 0.1
 
 
+@pytest.mark.parametrize("weight", [1.0, 0.01])
+def test_a_bolted_arm_with_gears_does_not_sag(weight: float) -> None:
+    """Forces in its bolts and gears cost nothing: its motion determines them, and it let go."""
+    robot = Robot.load(urdf.geared_arm(at="0.3 0 0", limits=urdf.limit(2, 90, 2)))
+    s = robot.snapshot(robot.posture())
+    assert robot.fixed_base and len(robot.couplings) == 2
+    tick = wbc.TorqueController(robot, [wbc.PostureTask(robot, s.q, weight=weight)]).step(s)
+    assert float(np.abs(tick.acceleration).max()) < 0.01  # rad/s^2; it was 0.03 and 11
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("mode", ["double", "left", "floating"])
 def test_torque_is_what_recursive_newton_euler_needs(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.friction import FrictionCone
-from wbc.constraints.mechanics import ClosedLoop, Mechanics
+from wbc.constraints.mechanics import Mechanics
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
@@ -132,10 +132,10 @@ class ContactForces:
 
     @cached_property
     def internal(self) -> NDArray[np.bool_]:
-        """(k,) which are of closed loops."""
+        """(k,) which are of the robot's own mechanics: gears, closed loops, a bolted base."""
         found = np.zeros(self.size, dtype=bool)
         for part in self.parts:
-            found[part.columns] = isinstance(part.contact, ClosedLoop)
+            found[part.columns] = isinstance(part.contact, Mechanics)
         return found
 
     def generalized(self, snapshot: Snapshot) -> Array:

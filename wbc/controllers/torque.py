@@ -49,8 +49,8 @@ from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
-# Factor on the damping of forces in closed loops: the motion determines them, and the damping only
-# chooses among them where loops are overconstrained.
+# Factor on the damping of forces of gears, closed loops and a bolted base: the motion determines
+# them, and the damping only chooses among them where loops are overconstrained.
 INTERNAL = 1e-4
 
 # Default time [s] over which contact forces ramp up and down.
