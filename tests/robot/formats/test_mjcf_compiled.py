@@ -377,6 +377,49 @@ def test_equality_constraints_act_while_they_are_active() -> None:
         load(text(arm(), tail=PULLED + tied))
 
 
+GRIPPER = (
+    arm('ref=".2"') + '<body name="finger"><joint name="j2" axis="0 1 0" range="-2 2" ref="-.1"/>'
+    f"{INERTIAL.format(1)}</body><body name='third'><joint name='j3'/>{INERTIAL.format(1)}</body>"
+)
+BOTH = '<fixed name="a"><joint joint="j1" coef="2"/><joint joint="j2" coef="-.5"/></fixed>'
+SINGLE = (
+    '<fixed name="a"><joint joint="j1" coef="2"/></fixed>'
+    '<fixed name="b"><joint joint="j2" coef="-.5"/></fixed>'
+)
+
+
+@pytest.mark.parametrize(
+    ("tendons", "tie", "driven", "joint"),
+    [
+        (BOTH, 'tendon1="a" polycoef=".1 0 0 0 0"', "j1", "j2"),
+        (BOTH, 'tendon1="a"', "j2", "j1"),
+        (SINGLE, 'tendon1="b" tendon2="a" polycoef=".01 .3 .1 -.02 .03"', "j1", "j2"),
+    ],
+)
+def test_two_joints_tied_by_tendons_are_a_gear(
+    tendons: str, tie: str, driven: str, joint: str
+) -> None:
+    tail = (
+        f"<tendon>{tendons}</tendon><equality><tendon {tie}/></equality>"
+        f'<actuator><motor joint="{driven}"/></actuator>'
+    )
+    robot, model = load(text(GRIPPER, tail=tail))
+    assert {joint: driven} == {one: gear.driver for one, gear in robot.couplings.items()}
+    data = mujoco.MjData(model)
+    for value in (0.3, -0.2):
+        data.joint(driven).qpos[:] = value
+        data.joint(joint).qpos[:] = robot.couplings[joint].value(value)
+        mujoco.mj_forward(model, data)
+        assert data.ne == 1 and abs(data.efc_pos[0]) < 1e-12
+
+
+def test_tendons_of_three_joints_tie_what_is_refused() -> None:
+    three = BOTH.replace("</fixed>", '<joint joint="j3" coef="1"/></fixed>')
+    tail = f'<tendon>{three}</tendon><equality><tendon name="c" tendon1="a"/></equality>'
+    with pytest.raises(ModelError, match=r"<tendon name='c'>: .*but for those of two joints"):
+        load(text(GRIPPER, tail=tail))
+
+
 def test_a_foot_tied_to_the_world_needs_a_fixed_base() -> None:
     """Of a root without a free joint, which floats for it has feet; the tie was to the root."""
     tie = '<equality><connect name="c" body1="left_foot" anchor="0 0 0"/></equality>'

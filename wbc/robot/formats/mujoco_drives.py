@@ -212,7 +212,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
             )
             if np.any(given)
         )
-    told = "tendons are not read (their springs, limits and couplings): {}"
+    told = "tendons are not read (their springs, dampers and limits): {}"
     notes += noted(told, names.tendons)
     if model.opt.density or model.opt.viscosity:
         notes += ("the medium of the file (density, viscosity, wind) is not used",)

@@ -15,6 +15,7 @@ from wbc.robot.formats.mujoco_part import RobotPart, acting_motors
 from wbc.robot.formats.mujoco_tree import pose_of
 from wbc.robot.formats.xml import LARGEST_GEAR
 from wbc.robot.notes import noted
+from wbc.validate import Array
 
 CONNECT = "mjEQ_CONNECT"
 TIES = (CONNECT, "mjEQ_WELD")  # of two frames
@@ -90,30 +91,72 @@ def _couplings(part: RobotPart) -> Iterator[tuple[str, Coupling]]:
     mine, model, names = {*part.joints}, part.model, part.names
     for number in _active(part):
         kind = _kind(part, number)
+        if kind.name == "mjEQ_TENDON" and (tied := _tied_by_tendons(part, number)) is not None:
+            joint, driver, tied_by = tied
+            if {joint, driver} <= mine:
+                yield names.joints[joint], _coupling(part, joint, driver, tied_by)
+            continue
         if kind.name != "mjEQ_JOINT":
             if kind.name not in TIES and _is_robots_own(part, number):
                 raise ModelError(
                     f"{part.path}: equality constraint <{kind.name[5:].lower()}"
-                    f" name={names.equalities[number]!r}>: constraints of tendons and soft bodies"
-                    ' are not supported; remove it, or give it active="false"'
+                    f" name={names.equalities[number]!r}>: constraints of tendons, but for those of"
+                    " two joints, and of soft bodies are not supported; remove it, or give it"
+                    ' active="false"'
                 )
             continue
         joint, driver = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         if joint not in mine or not (driver < 0 or driver in mine):
             continue
-        name = names.joints[joint]
-        powers = model.eq_data[number][:5]
-        if not np.all(np.abs(powers) <= LARGEST_GEAR):
-            raise ModelError(
-                f"{part.path}: equality constraint of joint {name!r}: <joint polycoef> is larger"
-                f" than {LARGEST_GEAR:g}"
-            )
-        drawn = float(model.qpos0[part.start_of(joint)])
-        if driver < 0:
-            yield name, Coupling("", 0.0, float(powers[0]) + drawn)
-            continue
-        there = float(model.qpos0[part.start_of(driver)])
-        yield name, _recentred(names.joints[driver], powers.tolist(), drawn, there)
+        yield names.joints[joint], _coupling(part, joint, driver, model.eq_data[number][:5])
+
+
+def _coupling(part: RobotPart, joint: int, driver: int, powers: Array) -> Coupling:
+    """Return a joint's coupling by MuJoCo's polynomial (5,); ``driver`` is negative for none."""
+    name, qpos0 = part.names.joints[joint], part.model.qpos0
+    if not np.all(np.abs(powers) <= LARGEST_GEAR):
+        raise ModelError(
+            f"{part.path}: equality constraint of joint {name!r}: <joint polycoef> is larger"
+            f" than {LARGEST_GEAR:g}"
+        )
+    drawn = float(qpos0[part.start_of(joint)])
+    if driver < 0:
+        return Coupling("", 0.0, float(powers[0]) + drawn)
+    there = float(qpos0[part.start_of(driver)])
+    return _recentred(part.names.joints[driver], powers.tolist(), drawn, there)
+
+
+def _tied_by_tendons(part: RobotPart, number: int) -> tuple[int, int, Array] | None:
+    """Return a joint, its driver and the polynomial (5,) by which tendons tie them, or None.
+
+    One fixed tendon of two joints, of which the second follows the first unless it alone has a
+    motor; or two fixed tendons of one joint each.
+    """
+    model, motors = part.model, acting_motors(part.mujoco, part.model).values()
+    tendons = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+    pulled = [_pulled(part, tendon) for tendon in tendons if tendon >= 0]
+    powers = np.array(model.eq_data[number][:5])
+    if [len(one) for one in pulled] == [2]:
+        (driver, a), (joint, b) = pulled[0]
+        if joint in motors and driver not in motors:
+            (driver, a), (joint, b) = pulled[0][::-1]
+        powers = np.array((powers[0] / b, -a / b, 0.0, 0.0, 0.0))
+    elif [len(one) for one in pulled] == [1, 1]:
+        (joint, a), (driver, b) = pulled[0][0], pulled[1][0]
+        powers = powers * b ** np.arange(5) / a
+    else:
+        return None
+    return joint, driver, powers
+
+
+def _pulled(part: RobotPart, tendon: int) -> list[tuple[int, float]]:
+    """Return the joints of a fixed tendon and their coefficients; none of another tendon."""
+    model, kind = part.model, int(part.mujoco.mjtWrap.mjWRAP_JOINT)
+    first = int(model.tendon_adr[tendon])
+    wraps = range(first, first + int(model.tendon_num[tendon]))
+    found = [(int(model.wrap_objid[k]), float(model.wrap_prm[k])) for k in wraps]
+    fixed = all(int(model.wrap_type[k]) == kind for k in wraps)
+    return found if fixed and all(by for _, by in found) else []
 
 
 def _recentred(driver: str, powers: list[float], drawn: float, there: float) -> Coupling:
