@@ -420,6 +420,13 @@ def test_tendons_of_three_joints_tie_what_is_refused() -> None:
         load(text(GRIPPER, tail=tail))
 
 
+def test_numbers_of_a_changed_model_that_are_none_are_named() -> None:
+    model = mujoco.MjModel.from_xml_string(text(arm()))
+    model.body_mass[1] = np.nan
+    with pytest.raises(ModelError, match="body 'trunk': its mass is not finite"):
+        Robot.load(model)
+
+
 def test_a_foot_tied_to_the_world_needs_a_fixed_base() -> None:
     """Of a root without a free joint, which floats for it has feet; the tie was to the root."""
     tie = '<equality><connect name="c" body1="left_foot" anchor="0 0 0"/></equality>'

@@ -172,6 +172,7 @@ def test_tendons_and_joints_without_motors_are_said() -> None:
     robot, _ = load(text(arm(rest=arm(name="fore").replace("j1", "j2")), tail=tail))
     said = " | ".join(robot.notes)
     assert "winch" in said and "tendons are not read" in said and "no motor of the file" in said
+    assert "here each joint has one, but for unactuated=[...]" in said
 
 
 def test_what_acts_on_the_free_joint_itself_is_told() -> None:

@@ -101,7 +101,8 @@ def _check_sizes(part: RobotPart) -> None:
         for k in owners:
             if not np.all(np.abs(values[k]) <= LARGEST):  # NaN is not
                 body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
-                raise ModelError(f"{path}: body {body!r}: its {what} is larger than {LARGEST:g}")
+                wrong = f"larger than {LARGEST:g}" if np.isfinite(values[k]).all() else "not finite"
+                raise ModelError(f"{path}: body {body!r}: its {what} is {wrong}")
     for joint in joints:  # of an MjModel that was changed
         low, high = model.jnt_range[joint].tolist()
         if model.jnt_limited[joint] and not low <= high:

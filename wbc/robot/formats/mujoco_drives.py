@@ -186,7 +186,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     still = unactuated_joints(part)
     if still is None and looped:
         notes += ("the file has no motors: here each joint has one, but for unactuated=[...]",)
-    here = "none does here" if looped else "here each joint has one"
+    here = "none does here" if looped else "here each joint has one, but for unactuated=[...]"
     left = [name for name in still or () if name not in following]
     notes += noted(f"no motor of the file drives {{}}; {here}", left)
     pulls = _motors(mujoco, model)
