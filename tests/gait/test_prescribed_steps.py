@@ -306,6 +306,23 @@ def test_footsteps_after_a_command_and_before_one(hoap2: Robot) -> None:
     assert walker.steps <= made + 3
 
 
+@pytest.mark.slow
+def test_a_stop_before_the_last_of_long_footsteps_takes_further_steps(g1_27: Robot) -> None:
+    """The DCM is on its way to the next one: a G1 that halted all the same fell on its face."""
+    walker, plant = Walker(g1_27), Plant(g1_27)
+    far, w = 0.7 * walker.limits.step, walker.gait.width
+    sides = [("right", -w), ("left", w)] * 3
+    steps = [Footstep(foot, 0.5 * far if k == 0 else far, y) for k, (foot, y) in enumerate(sides)]
+    walker.follow(steps, plant.snapshot(), relative=True)
+    while not isinstance(walker.phase, SingleSupport):
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+    walker.command(0.0)
+    for _ in range(1500):
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+    assert isinstance(walker.phase, Standing)
+    assert plant.com[2] > 0.95 * walker.gait.height
+
+
 def test_footsteps_are_not_taken_from_another_robot(g1_27: Robot, hoap2: Robot) -> None:
     walker, other = Walker(hoap2), g1_27
     snapshot = other.snapshot(other.posture("standing"))

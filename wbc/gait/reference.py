@@ -21,7 +21,7 @@ from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import MIN_SINGLE_RATIO
 from wbc.gait.swing import FootPose, yaw_of
-from wbc.polygon import convex_hull, nearest_point
+from wbc.polygon import convex_hull, nearest_point, polygon_margin
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -221,9 +221,15 @@ class StepPlanner:
     def can_halt(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> bool:
-        """Return whether a commanded stop can end the walk at this touch-down."""
+        """Return whether a commanded stop can end the walk at this touch-down.
+
+        Before the last of prescribed footsteps only where the DCM is over the soles: it may be on
+        its way to the next one.
+        """
         if phase.given:
-            return True
+            hull = convex_hull(np.concatenate(list(self._corners(now, SOLE_SHARE).values())))
+            dcm = np.array((now.dcm.real, now.dcm.imag))
+            return len(phase.given) == 1 or bool(polygon_margin(hull, dcm) >= 0.0)
         start, place = now.place(phase.support), now.place(other(phase.support))
         nominal = start + self.footsteps.step(phase.support, heading, velocity)
         return velocity.at_rest and abs(place - nominal) < HALT_DISTANCE
@@ -298,16 +304,21 @@ class StepPlanner:
             x, y = (vrp - place).real, (vrp - place).imag
             x, y = phase.foothold.nearest(a * x + c * y, b * x + d * y)
             return place + complex(a * x + b * y, c * x + d * y)
-        corners = {
-            foot: place[:2] + (self.soles[foot] * CORNER_SIGNS) @ now.rotations[foot][:2, :2].T
-            for foot, place in now.places.items()
-        }
+        corners = self._corners(now)
         if isinstance(phase, DoubleSupport) and phase.unloading:
             end, old = now.places[phase.support][:2], other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
             corners[old] = end + share * (corners[old] - end)
         hull = convex_hull(np.concatenate(list(corners.values())))
         return in_plane(nearest_point(hull, np.array((vrp.real, vrp.imag))))
+
+    def _corners(self, now: GaitState, share: float = 1.0) -> dict[str, Array]:
+        """Return the corners (4, 2) of a ``share`` of each sole [m], by foot."""
+        return {
+            foot: place[:2]
+            + (share * self.soles[foot] * CORNER_SIGNS) @ now.rotations[foot][:2, :2].T
+            for foot, place in now.places.items()
+        }
 
 
 def sole_half_sizes(robot: Robot) -> dict[str, Array]:
