@@ -98,6 +98,37 @@ def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(hoap2: 
     assert way @ (np.cos(2.0), np.sin(2.0)) > 0.03
 
 
+@pytest.mark.slow
+def test_a_robot_that_is_put_elsewhere_while_it_stands_begins_anew_there(hoap2: Robot) -> None:
+    """In a second episode it walked the way that the first one faced, and a G1 fell."""
+    walker, plant = wbc.gait.Walker(hoap2), Plant(hoap2)
+    walker.command(0.1, 0.0, 0.5)
+    walked(walker, plant, 2.0)
+    walker.command(0.0)
+    walked(walker, plant, 2.0)
+    assert isinstance(walker.phase, Standing) and walker.heading > 0.5
+    plant.reset(hoap2.posture("standing"))
+    walker.command(0.1)
+    walked(walker, plant, 2.0)
+    assert walker.heading == pytest.approx(0.0, abs=1e-9) and not walker.notes
+    assert plant.com[0] > 0.1 and abs(plant.com[1]) < 0.03
+
+
+def test_a_robot_that_is_put_elsewhere_in_the_middle_of_a_walk_is_told(
+    hoap2: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    walker, q = wbc.gait.Walker(hoap2), hoap2.posture("standing")
+    walker.command(0.1)
+    walker.prepare(hoap2.snapshot(q))
+    assert isinstance(walker.phase, DoubleSupport) and not caplog.records
+    q[0] += 1.0
+    walker.prepare(hoap2.snapshot(q))
+    assert "a foot is 1.00 m from where it was a tick before" in caplog.text
+    caplog.clear()
+    walker.prepare(hoap2.snapshot(q))
+    assert not caplog.records
+
+
 def test_a_footstep_without_solution_is_counted_and_said(
     hoap2: Robot, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

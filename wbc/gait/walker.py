@@ -202,7 +202,8 @@ class Walker:
             solver=solver,
             **settings,
         )
-        self._sink_time = BENDING_TIME + SINKING_TIME if self._whole_body.bends else 0.0
+        self._time_to_sink = BENDING_TIME + SINKING_TIME if self._whole_body.bends else 0.0
+        self._sink_time = self._time_to_sink
         self.controller: TorqueController = self._whole_body.controller
         self.notes = self._whole_body.limitations
         self.wanted = self.velocity = Velocity()
@@ -214,6 +215,7 @@ class Walker:
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
         self._nominal_start: Array | None = now.middle
+        self._places = now.places
         self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
         self._bearing = bearing_joints(robot)
         self._bearing_limits = AT_LIMIT * self.controller.torque_bounds[self._bearing]
@@ -331,6 +333,9 @@ class Walker:
         now, wrenches = self._measured(snapshot), self._sole_wrenches(forces)
         if self._nominal_start is not None:
             self._match_start(snapshot, now, self._nominal_start)
+        else:
+            self._notice_jump(snapshot, now)
+        self._places = now.places
         self._push = self._push.update(snapshot, now, wrenches, dt)
         if self.controller.delay:
             snapshot = self.controller.predicted(snapshot)
@@ -376,11 +381,33 @@ class Walker:
         self._nominal_start, facing = None, heading_of(now.rotations.values())
         turn = abs(math.remainder(facing - self.heading, math.tau))
         if max(float(np.linalg.norm(now.middle - nominal_start)), turn) > START_TOLERANCE:
-            self.heading, self._ground = facing, SwingMotion.rest(float(now.middle[2]))
-            self._normal = unit(now.normal)
-            self._whole_body.hold(snapshot, self._frames, 0.0)
-        if self._sink_time:
+            self._begin_at(snapshot, now)
+        elif self._sink_time:
             self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._nominal_height)
+
+    def _begin_at(self, snapshot: Snapshot, now: GaitState) -> None:
+        """Stand where the soles are from now on, and face as they do."""
+        self.heading, self._sink_time = heading_of(now.rotations.values()), self._time_to_sink
+        com_ground = float(snapshot.com[2]) - self._nominal_height
+        self._ground = SwingMotion.rest(com_ground if self._sink_time else float(now.middle[2]))
+        self._normal = unit(now.normal)
+        self._whole_body.hold(snapshot, self._frames, 0.0)
+
+    def _notice_jump(self, snapshot: Snapshot, now: GaitState) -> None:
+        """Begin anew where a standing robot was put; say so if it walked."""
+        moved = max(float(np.abs(now.places[foot] - self._places[foot]).max()) for foot in SIGN)
+        if moved <= START_TOLERANCE:
+            return
+        if isinstance(self.phase, Standing):
+            self._push = PushObserver(self.gait.omega, self.gait.height)
+            self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
+            self._begin_at(snapshot, now)
+        else:
+            logging.getLogger(__name__).warning(
+                "walker: a foot is %.2f m from where it was a tick before, and the walk goes on; if"
+                " the robot was put elsewhere, make a new Walker",
+                moved,
+            )
 
     def _set_targets(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the targets of CoM and trunk."""
