@@ -1,5 +1,7 @@
 """Feet over edges that are known: they clear them, by the corners of soles as they are turned."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,22 @@ def flown(foot: SwingFoot, goal: Array, ground: float) -> list[FootPose]:
         foot = foot.advance(goal, ground, T - k * DT, DT)
         poses.append(foot.pose())
     return poses
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, math.pi, -3.1])
+def test_the_path_is_the_same_wherever_it_heads(heading: float) -> None:
+    """At pi the sole was taken to turn by 6 rad on its way, over a wall beside it."""
+    c, s = math.cos(heading), math.sin(heading)
+    R = np.array(((c, -s), (s, c)))
+
+    def ground(points: Array) -> Array:
+        ahead, left = (points @ R).T
+        return np.where(ahead > 0.25, 0.1, np.where(left > 0.11, 0.2, 0.0))
+
+    yaws = [math.remainder(heading + turn, math.tau) for turn in (-0.1, 0.1)]
+    start, goal = np.array((0.0, 0.0, yaws[0], 0.0)), np.array((*R[:, 0] * 0.4, yaws[1], 0.1))
+    over = Crossing.over(start, goal, SOLE, CLEARANCE, 0.0, ground)
+    assert over is not None and over.top < 0.1 + 2.0 * CLEARANCE
 
 
 # From tread to tread but one, up and down, onto the first and from the last one.

@@ -85,7 +85,9 @@ class Crossing(NamedTuple):
         else:
             inflated = corners + margin * np.sign(corners)
             outline = np.concatenate((inflated, 0.5 * (inflated + np.roll(inflated, 1, axis=0))))
-            x, y, yaw = (start[:3] + np.outer(parts, goal[:3] - start[:3])).T[:, :, None]
+            turn = math.remainder(float(goal[2] - start[2]), math.tau)
+            way = np.array((*(goal[:2] - start[:2]), turn))
+            x, y, yaw = (start[:3] + np.outer(parts, way)).T[:, :, None]
             c, s = np.cos(yaw), np.sin(yaw)
             dx, dy = outline.T
             points = np.stack((x + c * dx - s * dy, y + s * dx + c * dy), axis=-1)
