@@ -290,6 +290,15 @@ def test_targets_in_degrees_and_millimetres_are_said(level, caplog):  # type: ig
     assert "task 'posture'" in posture and posture.endswith("rad away: is it in degrees?")
 
 
+def test_targets_of_tasks_that_are_switched_off_are_not_said(caplog):  # type: ignore[no-untyped-def]
+    """Of a walker's feet on the ground, 30 m from where it was made; nothing was wrong."""
+    start = ROBOT.snapshot(ROBOT.posture("standing"))
+    com = ComTask(ROBOT, start.com + 30.0)
+    com.switch_off()
+    TorqueController(ROBOT, [com, PostureTask(ROBOT, start.q)], contacts=()).step(start)
+    assert not caplog.records
+
+
 @pytest.mark.parametrize("level", [KinematicController, TorqueController])
 def test_joints_in_degrees_are_said_once_and_those_within_limits_never(level, caplog):  # type: ignore[no-untyped-def]
     q = ROBOT.posture("standing")

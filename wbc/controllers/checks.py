@@ -78,6 +78,8 @@ def warn_far_targets(tasks: Sequence[Task], errors: Mapping[str, Array]) -> None
         Of each task, by its name, in its own units.
     """
     for task in tasks:
+        if not np.any(task.weight):  # switched off, such as a walker's swing foot that stands
+            continue
         sizes = tuple(zip(np.abs(errors[task.name]).tolist(), task.units, strict=False))
         for unit, farthest, other in (("m", FAR_LENGTH, "mm"), ("rad", FAR_ANGLE, "degrees")):
             off = max((size for size, own in sizes if own == unit), default=0.0)
