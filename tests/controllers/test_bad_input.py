@@ -294,8 +294,9 @@ def test_targets_of_tasks_that_are_switched_off_are_not_said(caplog):  # type: i
     """Of a walker's feet on the ground, 30 m from where it was made; nothing was wrong."""
     start = ROBOT.snapshot(ROBOT.posture("standing"))
     com = ComTask(ROBOT, start.com + 30.0)
+    controller = TorqueController(ROBOT, [com, PostureTask(ROBOT, start.q)], contacts=())
     com.switch_off()
-    TorqueController(ROBOT, [com, PostureTask(ROBOT, start.q)], contacts=()).step(start)
+    controller.step(start)
     assert not caplog.records
 
 
