@@ -215,7 +215,7 @@ class Walker:
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
         self._nominal_start: Array | None = now.middle
-        self._places = now.places
+        self._places, self._jumped = now.places, False
         self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
         self._bearing = bearing_joints(robot)
         self._bearing_limits = AT_LIMIT * self.controller.torque_bounds[self._bearing]
@@ -394,7 +394,7 @@ class Walker:
         self._whole_body.hold(snapshot, self._frames, 0.0)
 
     def _notice_jump(self, snapshot: Snapshot, now: GaitState) -> None:
-        """Begin anew where a standing robot was put; say so if it walked."""
+        """Begin anew where a standing robot was put; say so, once, if it walked."""
         moved = max(float(np.abs(now.places[foot] - self._places[foot]).max()) for foot in SIGN)
         if moved <= START_TOLERANCE:
             return
@@ -402,7 +402,8 @@ class Walker:
             self._push = PushObserver(self.gait.omega, self.gait.height)
             self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
             self._begin_at(snapshot, now)
-        else:
+        elif not self._jumped:
+            self._jumped = True
             logging.getLogger(__name__).warning(
                 "walker: a foot is %.2f m from where it was a tick before, and the walk goes on; if"
                 " the robot was put elsewhere, make a new Walker",
