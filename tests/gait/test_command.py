@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,6 +115,7 @@ BAD = {
     "too tall": ({"height": 0.5}, r"height: with the CoM at 0.5 m .* less than 0.28\d m"),
     "too low": ({"height": 0.05}, r"give more than 0.09\d"),
     "too wide": ({"width": 3.0}, "width: feet 3 m from each other are out of reach of the legs"),
+    "on each other": ({"width": 0.03}, "width: feet 0.03 m .* on one another; give at least 0.062"),
     "too slow": ({"single": 100.0}, "single: 100 s and double: 0.02.* at most 8.3. s together"),
     "hasty": ({"ramp": 0.2}, "ramp: 0.2 s is longer than the double support"),
     "crossing": ({"least_width": 0.2}, "least_width: 0.2 m is above the width, 0.09"),
@@ -125,6 +127,24 @@ def test_settings_out_of_range(hoap2: Robot, case: str) -> None:
     gait, message = BAD[case]
     with pytest.raises(InvalidInputError, match=message):
         Walker(hoap2, gait)
+
+
+def test_limits_that_are_assigned_are_limits(hoap2: Robot) -> None:
+    """The next command ended in an AttributeError, or a division by zero."""
+    walker = Walker(hoap2)
+    with pytest.raises(InvalidInputError, match="walker, limits: expected a CommandLimits"):
+        walker.limits = 0.3  # type: ignore[assignment]
+    with pytest.raises(InvalidInputError, match="walking limits, sideways: must be greater than 0"):
+        replace(walker.limits, sideways=0.0)
+    walker.limits = replace(walker.limits, forwards=0.05, turning=0.0)
+    assert walker.command(0.1, 0.0, 0.3).velocity == (0.05, 0.0, 0.0)
+
+
+def test_a_posture_that_does_not_stand_is_refused(hoap2: Robot) -> None:
+    lies = hoap2.posture("standing")
+    lies[3:7] = 0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)
+    with pytest.raises(InvalidInputError, match=r"posture: the .* sole is tilted by 90 degrees"):
+        Walker(hoap2, posture=lies)
 
 
 def test_a_misspelt_setting(hoap2: Robot) -> None:

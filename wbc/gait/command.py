@@ -9,7 +9,7 @@ from typing import NamedTuple
 from wbc.gait.legs import Legs
 from wbc.gait.settings import GaitSettings
 from wbc.minimum_jerk import PEAK
-from wbc.validate import finite_number
+from wbc.validate import check_fields, finite_number
 
 # Peak acceleration of a minimum-jerk curve, in units of distance / time^2: 10/sqrt(3).
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
@@ -90,6 +90,10 @@ class CommandLimits:
     swing: float
     catch: float
     catch_aside: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, "walking limits, ", "forwards", "sideways", above=0.0)
+        check_fields(self, "walking limits, ", "turning", least=0.0)
 
     @classmethod
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:

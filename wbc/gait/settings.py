@@ -114,6 +114,11 @@ class GaitSettings:
                 f"gait, width: feet {chosen['width']:g} m from each other are out of reach of the"
                 f" legs; give at most {widest:.3g} m"
             )
+        if chosen.get("width", widest) < legs.sole_width:
+            raise InvalidInputError(
+                f"gait, width: feet {chosen['width']:g} m from each other would stand on one"
+                f" another; give at least {legs.sole_width:.3g} m, the width of a sole"
+            )
         finite_number("gait, gravity", legs.gravity, above=0.0)
         omega = math.sqrt(legs.gravity / height)
         chosen.setdefault("single", SINGLE / omega)

@@ -54,7 +54,7 @@ from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, sole_half_sizes
 from wbc.gait.settings import GaitSettings
 from wbc.gait.speed_monitor import SpeedMonitor
-from wbc.gait.step_range import StepRange
+from wbc.gait.step_range import MAX_SLOPE, StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.kinds import check_kind
@@ -80,6 +80,8 @@ NORMAL_GAIN = 0.2
 PACE_LEAD_STEPS = 2.0
 # A robot farther than this from the walker's nominal start begins where it is [m], [rad].
 START_TOLERANCE = 0.1
+# Soles of the posture may be tilted so far [degrees], as the steepest ground of a footstep is.
+MAX_TILT = math.degrees(math.atan(MAX_SLOPE))
 # Torques from this part of their limits on are at them.
 AT_LIMIT = 1.0 - 1e-6
 # A speed that is not sustained is reduced to this part of it, down to SLOW sqrt(g h).
@@ -106,7 +108,7 @@ class Walker:
         Of the tasks; that of a foot's height is less where hips are weak
         (:meth:`~wbc.gait.WalkingWeights.for_legs`).
     posture:
-        (nq,) target of the posture task, with its soles on the ground; None: the standing posture.
+        (nq,) target of the posture task, standing on both soles; None: the standing posture.
         Place and heading of the robot are measured in the first tick.
     friction:
         Friction cone of the soles.
@@ -186,6 +188,13 @@ class Walker:
         self.limits, self._nominal_height = self._paces.limits, self.gait.height
         self._range = StepRange.of(robot, self.gait, limits)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
+        for foot, R in now.rotations.items():
+            tilt = math.degrees(math.acos(min(R.item(2, 2), 1.0)))
+            if tilt > MAX_TILT:
+                raise InvalidInputError(
+                    f"walker, posture: the {foot} sole is tilted by {tilt:.0f} degrees; give a"
+                    " posture that stands on both"
+                )
         self.heading = heading_of(now.rotations.values())
         self._ground = SwingMotion.rest(float(now.middle[2]))
         self._normal = unit(now.normal)
@@ -225,6 +234,9 @@ class Walker:
         def __setattr__(self, name: str, value: object) -> None:
             if name in METHODS:  # walker.command = 0.3 would walk nowhere, in silence
                 raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
+            if name == "limits":
+                example = "dataclasses.replace(walker.limits, forwards=0.3)"
+                check_kind("walker, limits", value, CommandLimits, example)
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
