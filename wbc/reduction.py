@@ -206,7 +206,7 @@ def _pivots(
     snapshot: Snapshot, force: Array, moment: Array, height: float
 ) -> tuple[Array | None, Array | None, float | None]:
     """Return CoP, CMP and n . m_r, or three None in flight."""
-    if not in_contact(force, snapshot.robot.mass):
+    if not in_contact(force, snapshot.robot.weight):
         return None, None, None
     com = snapshot.com
     cop = centre_of_pressure(com, force, moment, height)

@@ -98,7 +98,7 @@ def test_there_is_no_cop_without_a_push() -> None:
     weight = 9.81 * 20.0
     up = np.array([-1.0, 0.0, 0.99 * FLIGHT, 1.01 * FLIGHT, 1.0]) * weight
     forces = np.stack((up * 0.0, up * 0.0, up), axis=1)
-    assert in_contact(forces, 20.0).tolist() == [False, False, False, True, True]
+    assert in_contact(forces, weight).tolist() == [False, False, False, True, True]
 
 
 def test_margin_against_a_finely_sampled_rim(rng: np.random.Generator) -> None:

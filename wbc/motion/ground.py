@@ -53,7 +53,7 @@ def ground_reaction(
         weight = robot.mass * robot.model.gravity.linear
         measured = whole.momentum_rate[:, :3] - weight, whole.momentum_rate[:, 3:]
     force, moment = measured
-    on = in_contact(force, robot.mass).astype(bool)
+    on = in_contact(force, robot.weight).astype(bool)
     com, f, k = whole.com[on], force[on], moment[on]
     p = centre_of_pressure(com, f, k, height)
     length, direction, angles = leg_of(com, p)

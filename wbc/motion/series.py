@@ -250,7 +250,7 @@ class RmpSeries(ReadOnlyArrays):
         """True where the ground does not push, by more than noise explains (n,)."""
         push = self.ground_force.copy()
         push[:, 2] += self._beyond("momentum_rate", 2)
-        maybe_in_contact = in_contact(push, self.robot.mass).astype(bool)
+        maybe_in_contact = in_contact(push, self.robot.weight).astype(bool)
         return self.flight & ~maybe_in_contact
 
     def _beyond(self, name: str, column: int | None = None) -> Array:

@@ -15,7 +15,7 @@ from wbc.motion.series import RmpSeries, Uncertainty
 from wbc.motion.smoothing import SmoothMotion
 from wbc.rmp.ground import centre_of_pressure, centroidal_moment_pivot, leg_of
 from wbc.robot.series import CentroidalSeries
-from wbc.spatial import COLUMNS, DIAGONAL, FROBENIUS_WEIGHTS, ROWS, STANDARD_GRAVITY
+from wbc.spatial import COLUMNS, DIAGONAL, FROBENIUS_WEIGHTS, ROWS
 from wbc.validate import Array
 
 COVERAGE = 0.95  # of a band, in each frame
@@ -122,7 +122,7 @@ def _ground_jacobian(series: RmpSeries, frames: NDArray[np.intp], size: int) -> 
     """Return the Jacobian (m, 7, r) of CoP, CMP, leg length and angles, by differences."""
     parts = series.com, series.ground_force, series.momentum_rate[:, 3:]
     state = np.hstack([part[frames] for part in parts])
-    weight = series.robot.mass * STANDARD_GRAVITY
+    weight = series.robot.weight
     jacobian = np.zeros((len(frames), 7, size))
     columns = (*range(COM.start, COM.stop), *range(RATE.start, RATE.stop))
     for k, column in enumerate(columns):

@@ -73,7 +73,7 @@ def ground_forces(
     count, weight = len(q), robot.weight
     force = whole.momentum_rate[:, :3] + [0.0, 0.0, weight]
     moment = whole.momentum_rate[:, 3:] + np.cross(whole.com, force)  # about the origin
-    pushed = in_contact(force, robot.mass)
+    pushed = in_contact(force, robot.weight)
     cop = np.full((count, 2), np.nan)
     cop[pushed] = centre_of_pressure(
         whole.com[pushed], force[pushed], whole.momentum_rate[pushed, 3:]

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
-from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array
 
 # A ground reaction below this fraction of the weight counts as flight: the CoP divides by it, and
@@ -25,13 +24,13 @@ SINGULAR = 1e-6
 Wrench = tuple[ArrayLike, ArrayLike]
 
 
-def in_contact(force: Array, mass: float) -> Array:
+def in_contact(force: Array, weight: float) -> Array:
     """Return where there is contact (...,), bool: n . f_r is above ``FLIGHT`` M g.
 
     False means flight, or a motion that would need a pulling ground (n . f_r < 0). The force is f_r
-    (..., 3) [N], the mass M that of the robot [kg].
+    (..., 3) [N], the weight M g that of the robot, under its own gravity [N].
     """
-    return np.asarray(force[..., 2] > FLIGHT * STANDARD_GRAVITY * mass)
+    return np.asarray(force[..., 2] > FLIGHT * weight)
 
 
 def centre_of_pressure(com: Array, force: Array, moment: Array, height: float = 0.0) -> Array:

@@ -52,6 +52,23 @@ def all_finite(run: Simulation) -> bool:
     return all(np.isfinite(each).all() for each in arrays)
 
 
+@both
+def test_a_foot_lifts_at_a_share_of_the_weight_where_it_is(kind: str) -> None:
+    """A hundredth of the weight on Earth was six hundredths on the Moon: such feet had lifted."""
+    model, q = START[kind]
+    moon = type(model)(M, 1.62)
+    still, light = np.zeros(len(model.V)), 0.03 * M * 1.62
+    force = moon.holding_force(q)
+    force[model.LEG - model.COP] -= M * 1.62 - light
+    run = simulate(Constant(moon, force), q, still, 0.01, dt=1e-3)
+    assert run.ending is Ending.COMPLETE and np.isfinite(run.cop).all()
+    force[model.LEG - model.COP] -= 0.05 * M * 1.62
+    run = simulate(Constant(moon, force), q, still, 0.01, dt=1e-3)
+    assert (
+        run.ending is Ending.CONTACT_LOST and "of the weight) the foot counts as lifted" in run.note
+    )
+
+
 def test_planar_motion_is_that_of_the_papers_equations() -> None:
     """Eqs. 20-23 solved for accelerations by hand, integrated by another method."""
     law, q0, v0 = moving("planar")

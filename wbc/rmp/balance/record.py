@@ -158,10 +158,10 @@ def ground_push(model: Pendulum, states: Array, inputs: Array) -> tuple[Array, A
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
     loads = ca.Function("loads", [x, u], ground_loads(model, x, u))
     c, force, moment = (each.full().T for each in loads.map(len(states))(states.T, inputs.T))
-    return _cop(c, force, moment, model.mass), force
+    return _cop(c, force, moment, model.mass * model.gravity), force
 
 
-def _cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
+def _cop(com: Array, force: Array, moment: Array, weight: float) -> Array:
     """Return the CoP (n, 1 or 2); a planar pendulum moves in the plane y = 0 of space."""
     if force.shape[1] == 2:
         zero = np.zeros(len(force))
@@ -169,9 +169,9 @@ def _cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
         force = np.column_stack((force[:, 0], zero, force[:, 1]))
         # Planar momenta are about -y.
         moment = np.column_stack((zero, -moment[:, 0], zero))
-        return _cop(com, force, moment, mass)[:, :1]
+        return _cop(com, force, moment, weight)[:, :1]
     cop = np.full((len(force), 2), np.nan)
-    pushed = in_contact(force, mass)
+    pushed = in_contact(force, weight)
     cop[pushed] = centre_of_pressure(com[pushed], force[pushed], moment[pushed])[:, :2]
     return cop
 

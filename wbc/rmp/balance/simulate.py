@@ -17,7 +17,6 @@ from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.integrators import runge_kutta
-from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
@@ -193,8 +192,10 @@ class _Run:
         after, push, leg = self._step(x, u)
         if not (np.abs(after).max() < LARGEST and np.isfinite(push).all()):
             return Ending.DIVERGED, f"after {time:g} s the state is not finite any more"
-        if not self.pivot and push[-1] <= FLIGHT * STANDARD_GRAVITY * self.model.mass:
+        least = FLIGHT * self.model.mass * self.model.gravity
+        if not self.pivot and push[-1] <= least:
             note = f"at {time:g} s the ground would have to push up with {push[-1]:.4g} N"
+            note += f"; below {least:.4g} N ({FLIGHT:g} of the weight) the foot counts as lifted"
             return Ending.CONTACT_LOST, note
         self.states.append(after)
         self.inputs.append(u)
