@@ -8,13 +8,18 @@ from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, SolverError
 from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand
+from wbc.rmp.balance.lqr import Lqr
+from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.push_limits import push_limits
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import Blow, simulate, velocity_jump
+from wbc.rmp.balance.stabiliser import PointStabiliser
+from wbc.rmp.balance.swing_up import SwingUp
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
 
-M, G = 20.0, 9.81
+M, G, ZERO = 20.0, 9.81, np.zeros(3)
 PLANAR, SOLID = PlanarRmp(M, G), SolidRmp(M, G)
 Q_PLANAR = np.array((0.1, 1.4, 0.9, 0.3, 0.35))
 Q_SOLID = np.array((0.1, -0.2, 1.4, 0.1, 0.9, 0.1, -0.3, 0.2, 0.0, 0.35, 0.3, 0.25))
@@ -50,6 +55,31 @@ def moving(kind: str, seed: int = 0) -> tuple[Constant, Array, Array]:
 def all_finite(run: Simulation) -> bool:
     arrays = (run.time, run.q, run.v, run.force, run.cop_acceleration, run.ground_force)
     return all(np.isfinite(each).all() for each in arrays)
+
+
+def test_what_is_no_pendulum_bounds_law_or_push_is_refused() -> None:
+    """They ended in CasADi's or Python's own errors."""
+    law, q0, v0 = moving("solid")
+    wheel_bounds, hip = LawBounds(wheel_torque=50.0), (0.7, (0.3, 0.3, 0.3))
+    foot = LawBounds(polygon=0.1 * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1))), wheel_torque=5.0)
+    rest = ((0.0, 0.0, 0.7), (0.3, 0.3, 0.3), 1e-3)
+    for refused, said in (
+        (
+            lambda: MomentumQp(PLANAR, foot, *rest),
+            "model: this law needs a SolidRmp, got PlanarRmp",
+        ),
+        (lambda: MomentumQp(SOLID, None, *rest), "bounds: expected a LawBounds"),
+        (lambda: PointStabiliser(None, wheel_bounds, *hip), "model: this law needs a SolidRmp"),
+        (lambda: Lqr("solid", wheel_bounds, q0), "needs a PlanarRmp or SolidRmp, got 'solid'"),
+        (lambda: SwingUp(SOLID, wheel_bounds, 0.5, 0.1), "model: this law needs a PlanarRmp"),
+        (lambda: simulate("lqr", q0, v0, 0.1), "law: expected a balance law"),
+        (lambda: simulate(law, q0, v0, 0.1, bounds={"friction": 1.0}), "bounds: expected a LawB"),
+        (lambda: simulate(law, q0, v0, 0.1, pushes=Blow(0.0, ZERO)), "pushes: expected a list"),
+        (lambda: simulate(law, q0, v0, 0.1, pushes=[(0.0, ZERO)]), "pushes: expected a Blow"),
+        (lambda: push_limits([[1, 0]], foot.polygon, None, mass=M, height=1.0), "wheel: expected"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            refused()
 
 
 @both

@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
+from wbc.kinds import check_kind
 from wbc.polygon import checked_polygon
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -88,6 +89,20 @@ class LawBounds:
         for name in ("leg_force", "leg_length", "radius"):
             pair = interval(f"bounds: {name}", getattr(self, name), positive=name != "leg_force")
             set_fields(self, **{name: pair})
+
+
+def check_law(law: BalanceLaw, bounds: LawBounds, *kinds: type) -> None:
+    """Refuse a law's model that is of none of these kinds, and bounds that are none.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what is expected.
+    """
+    if not isinstance(law.model, kinds):
+        names = " or ".join(kind.__name__ for kind in kinds)
+        raise InvalidInputError(f"model: this law needs a {names}, got {shown(law.model)}")
+    check_kind("bounds", bounds, LawBounds, "LawBounds()")
 
 
 def refuse_torsion(bounds: LawBounds, law: object) -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import SupportFoot
-from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, refuse_torsion
+from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, check_law, refuse_torsion
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -67,6 +67,7 @@ class Lqr:
     _foot: SupportFoot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, PlanarRmp, SolidRmp)
         refuse_torsion(self.bounds, self)
         q0 = read_only(finite_vector("q0", self.q0, len(self.model.Q)))
         rest = self.model.holding_force(q0)

@@ -20,7 +20,7 @@ from wbc.rmp.balance.capture import (
     wanted_cmp,
 )
 from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
-from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, check_law
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -107,6 +107,7 @@ class MomentumQp:
     _program: _Program = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, SolidRmp)
         finite_number("gravity of the model", self.model.gravity, above=0.0)
         dt = finite_number("dt", self.dt, above=0.0)
         com, radii = finite_vector("com", self.com, 3), finite_vector("radii", self.radii, 3)

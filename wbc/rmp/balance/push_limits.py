@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.polygon import half_planes
 from wbc.rmp.balance.law import FREE
 from wbc.spatial import STANDARD_GRAVITY
@@ -128,6 +129,7 @@ def push_limits(
     InvalidInputError
         Wrong sizes or signs, not finite, or a CoM that is not above the polygon.
     """
+    check_kind("wheel", wheel, Wheel, "Wheel(inertia, torque)")
     mass = finite_number("mass", mass, above=0.0)
     gravity = finite_number("gravity", gravity, above=0.0)
     omega = math.sqrt(gravity / finite_number("height", height, above=0.0))

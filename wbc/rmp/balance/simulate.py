@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError, WbcError, shown
+from wbc.kinds import check_kind
 from wbc.rmp.balance.foot import ground_loads, require_support
 from wbc.rmp.balance.law import BalanceLaw, LawBounds, Pendulum, PendulumCommand
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
@@ -123,6 +124,12 @@ def simulate(
     InvalidInputError
         A start, duration, push or plant that is unusable; the message says which and why.
     """
+    if not (hasattr(law, "model") and callable(getattr(law, "command", None))):
+        raise InvalidInputError(
+            "law: expected a balance law, such as Lqr(...), with a model and"
+            f" command(q, v, time), got {shown(law)}"
+        )
+    check_kind("bounds", bounds, LawBounds, "LawBounds()", or_none=True)
     bounds = bounds or LawBounds()
     steps = whole_steps(duration, dt)
     model, fallen = plant or law.model, finite_number("fallen", fallen)
@@ -288,7 +295,10 @@ def impulses_by_step(
         A push after the end, or of the other kind of pendulum.
     """
     jumps: dict[int, Array] = {}
+    if isinstance(pushes, Blow) or not isinstance(pushes, Iterable):
+        raise InvalidInputError(f"pushes: expected a list of them, got {shown(pushes)}")
     for push in pushes:
+        check_kind("pushes", push, Blow, "Blow(0.2, (1.0, 0.0, 0.0))")
         k = round(push.time / dt)
         if k >= steps:
             raise InvalidInputError(f"the push at {push.time:g} s is not before the end")

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rmp.balance.foot import SupportFoot
-from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, refuse_torsion
+from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, check_law, refuse_torsion
 from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
 # How far, as a part of it, a solid body's spin may be off one of the axes of the masses.
@@ -68,6 +69,7 @@ class SpinChange:
     _foot: SupportFoot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, PlanarRmp, SolidRmp)
         refuse_torsion(self.bounds, self)
         model = self.model
         q0 = read_only(finite_vector("q0", self.q0, len(model.Q)))

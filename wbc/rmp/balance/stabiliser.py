@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.placement import from_quaternion
 from wbc.rmp.balance.foot import LEAST_PUSH, FlatFoot
-from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, check_law, refuse_torsion
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -87,6 +87,7 @@ class PointStabiliser:
     _call: Evaluator = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, SolidRmp)
         refuse_torsion(self.bounds, self)
         finite_number("gravity of the model", self.model.gravity, above=0.0)
         height = finite_number("height", self.height, above=0.0)

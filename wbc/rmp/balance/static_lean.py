@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, check_law, refuse_torsion
 from wbc.rmp.planar import LENGTH_RATE, Held, PlanarRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
@@ -50,6 +50,7 @@ class StaticLean:
     held: Held = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, PlanarRmp)
         refuse_torsion(self.bounds, self)
         held = Held(self.model, self.length, self.radius)
         angle = finite_number("angle", self.angle)

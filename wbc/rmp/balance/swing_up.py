@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, check_law, refuse_torsion
 from wbc.rmp.balance.lqr import riccati_gain
 from wbc.rmp.planar import Held, PlanarRmp
 from wbc.validate import Array, finite_vector, set_fields
@@ -83,6 +83,7 @@ class SwingUp:
     gain: tuple[float, float] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_law(self, self.bounds, PlanarRmp)
         refuse_torsion(self.bounds, self)
         held = Held(self.model, self.length, self.radius, self.dt)
         _require_means(held, self.bounds)
