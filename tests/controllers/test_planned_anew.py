@@ -103,6 +103,7 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
     assert before.ok and found.ok and wanted.ok
     np.testing.assert_allclose(found.velocity, wanted.velocity, rtol=0.0, atol=1e-8)
     assert found.singular.keys() == wanted.singular.keys()
+    assert found.qp.C.shape == wanted.qp.C.shape  # no margin's rows twice
 
 
 def test_held_tasks_that_repeat_each_other_follow_new_targets(hoap2: Robot) -> None:

@@ -331,11 +331,11 @@ class Controller(DeclaredAttributes, ABC):
 
     def _replan(self, plan: CorePlan, evaluations: Sequence[TaskEvaluation]) -> CorePlan:
         """Plan again as tasks have changed in kind or size; return the successor of ``plan``."""
-        second = plan is self._second_core
+        margins_in_plan = self._margins_in_core and plan is not self._second_core
         residuals = ((one.task.name, one.residual) for one in evaluations)
         curved = (name for name, one in residuals if one is not None and one.curvature is not None)
         self._plan(self.contacts, frozenset(curved))
-        return self._core_without_margins if second else self._core
+        return self._core if margins_in_plan else self._core_without_margins
 
     def _assemble(self, snapshot: Snapshot, start_time: float) -> CoreTick:
         """Return a tick whose first QP is set up, without margins, and not solved."""
