@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -280,3 +282,14 @@ def test_bounds_by_hand_tick_by_tick(ticks: int, hoap2: Robot) -> None:
 ])  # fmt: skip
 def test_a_ramp_lasts_as_long_as_it_is_told(duration: float, dt: float, ticks: int) -> None:
     assert ticks_of(duration, dt) == ticks
+
+
+def test_the_ramps_of_a_copy_are_its_own(here: Snapshot) -> None:
+    """It takes the same robot's snapshots, and what it does is not felt by the original."""
+    one = controlled(here, "active_set")
+    one.step(here)
+    one.set_contacts(wbc.support(here, "left"))
+    other = copy.copy(one)
+    ramps = [other.step(here).ramps for _ in range(5)]
+    assert [one.step(here).ramps for _ in range(5)] == ramps
+    assert other.tasks == one.tasks

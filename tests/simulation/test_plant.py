@@ -362,7 +362,9 @@ def test_mistakes_are_typed() -> None:
         Plant(robot, friction=-0.5)
 
 
-@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+@pytest.mark.parametrize(
+    "how", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))]
+)
 def test_a_copy_goes_on_by_itself(how: Callable[[Plant], Plant]) -> None:
     """From where the plant was, with its noise, delay and push; which may go on before it."""
     sensors = Sensors(position_noise=1e-3, delay=0.002)
@@ -373,6 +375,7 @@ def test_a_copy_goes_on_by_itself(how: Callable[[Plant], Plant]) -> None:
     for _ in range(5):
         plant.step(idle)
     other = how(plant)
+    assert how is not copy.copy or other.snapshot().robot is robot
     for _ in range(10):
         plant.step(idle)
     assert other.time == pytest.approx(0.01)

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Never
+from typing import TYPE_CHECKING, Any, Never, Self
 
 import numpy as np
 
@@ -158,6 +159,11 @@ class Controller(DeclaredAttributes, ABC):
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._decides_forces)
         self._plan(tuple(contacts))
+
+    def __copy__(self) -> Self:
+        """Return a controller of the same robot, tasks and constraints, with its own state."""
+        parts = self.robot, self.limits, *self.tasks, *self.contacts, *self.constraints
+        return deepcopy(self, {id(part): part for part in parts})
 
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "on_failure":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from copy import deepcopy
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -155,6 +156,10 @@ class Plant:
             f"Plant({self.robot.name!r}, t={self.time:.3f} s, dt={self.dt:g}"
             f" physics_dt={self.physics_dt:g})"
         )
+
+    def __copy__(self) -> Self:
+        """Return a plant of the same robot, whose snapshots its controllers take, that goes on."""
+        return deepcopy(self, {id(self.robot): self.robot})
 
     @property
     def _mujoco(self) -> Any:  # a module as an attribute could be neither copied nor pickled
