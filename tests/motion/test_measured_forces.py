@@ -7,7 +7,8 @@ import pytest
 
 import wbc
 from wbc.motion import Motion, RecordingError, analyze, read_motion
-from wbc.motion.forces import MeasuredForces
+from wbc.motion.forces import WRENCH, MeasuredForces
+from wbc.motion.table import BASE
 
 ROWS, RATE = 60, 100.0
 
@@ -40,6 +41,24 @@ def test_measured_cop_is_that_of_the_soles(hoap2: wbc.Robot, tmp_path: Path) -> 
     np.testing.assert_allclose(series.ground_force[:, 2], hoap2.weight, rtol=1e-9)
     # A robot at rest needs its weight, which is what was measured.
     np.testing.assert_allclose(series.force_residual, 0.0, atol=1e-6)
+
+
+def test_forces_of_a_csv_file_are_those_of_the_npz_file(hoap2: wbc.Robot, tmp_path: Path) -> None:
+    """Columns as ``wbc sim -o FILE.csv`` names them; without some of them the foot has none."""
+    time, q, wrenches = standing(hoap2)
+    heads, columns = ["time [s]", *BASE, *hoap2.joint_names], [time[:, None], q]
+    for frame, wrench in wrenches.items():
+        units = ["N"] * 3 + ["N m"] * 3
+        heads += [f"forces/{frame}/{row} [{u}]" for row, u in zip(WRENCH, units, strict=True)]
+        columns.append(wrench)
+    file = tmp_path / "m.csv"
+    np.savetxt(file, np.hstack(columns), delimiter=",", header=",".join(heads), comments="")
+    read = read_motion(file, hoap2).forces
+    assert read is not None
+    for foot, wrench in zip(("left", "right"), wrenches.values(), strict=True):
+        np.testing.assert_allclose(read.wrenches[foot], wrench)
+    some = read_motion(file, hoap2, ignore=["forces/left_sole/fz*"]).forces
+    assert some is not None and list(some.wrenches) == ["right"]
 
 
 def test_ground_without_forces_is_that_of_the_motion(hoap2: wbc.Robot) -> None:

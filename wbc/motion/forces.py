@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.motion.table import NUMBERS, RecordingError, read_recorded
+from wbc.motion.table import NUMBERS, MotionTable, RecordingError, read_recorded
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 PREFIX = "forces/"
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +43,19 @@ class MeasuredForces:
         set_fields(self, time=time, wrenches=found)
 
 
-def read_forces(path: Path, robot: Robot, time: Array) -> MeasuredForces | None:
-    """Return the forces that ``wbc sim -o FILE.npz`` wrote for the soles, or None without any.
+def read_forces(
+    path: Path, table: MotionTable, robot: Robot, time: Array, ignore: Sequence[str]
+) -> MeasuredForces | None:
+    """Return the forces that ``wbc sim -o FILE`` wrote for the soles, or None without any.
 
     Parameters
     ----------
+    table:
+        The numbers of the file; those of an NPZ file lack the forces.
     time:
         (n,) of the file's rows [s].
+    ignore:
+        Columns to ignore; shell-style patterns.
 
     Raises
     ------
@@ -55,7 +63,13 @@ def read_forces(path: Path, robot: Robot, time: Array) -> MeasuredForces | None:
         Arrays of other shapes, or not finite.
     """
     feet = {f"{PREFIX}{foot.frame}": name for name, foot in robot.feet.items()}
-    arrays = read_recorded(path, lambda _: feet.keys(), lambda _: NUMBERS)
+    if path.suffix.lower() == ".npz":
+        arrays = read_recorded(path, lambda _: feet.keys(), lambda _: NUMBERS)
+    else:
+        used = (one for one in table.columns if not any(fnmatchcase(one, each) for each in ignore))
+        where = {header.partition(" [")[0]: table.columns.index(header) for header in used}
+        columns = {foot: [where.get(f"{foot}/{row}") for row in WRENCH] for foot in feet}
+        arrays = {foot: table.values[:, six] for foot, six in columns.items() if None not in six}
     if not arrays:
         return None
     try:

@@ -126,7 +126,7 @@ def read_motion(
     joints in the robot's order.
 
     NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
-    ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes; with them the forces on the soles that
+    ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes. Both with the forces on the soles that
     ``wbc sim -o`` adds. Or ``fps``, ``joint_pos``, ``body_pos_w`` and ``body_quat_w`` (w x y z; the
     base is the first body), as mjlab and BeyondMimic have them, with ``joint_names``.
 
@@ -143,7 +143,7 @@ def read_motion(
         Posture (``standing``, ``neutral``) for joints that the file does not have.
     ignore:
         Columns to ignore, names or patterns such as ``imu_*``; what ``wbc run`` and ``wbc sim``
-        write beside time and configuration is always ignored.
+        write beside time, configuration and forces is always ignored.
     beyond:
         How far a joint may be past its limits [rad or m]; by default 0.1, nearly 6 degrees.
     fill:
@@ -167,7 +167,7 @@ def read_motion(
     table = cos_sin_to_angles(_table(Path(path), robot), robot)
     where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)
-    forces = read_forces(Path(path), robot, time) if Path(path).suffix.lower() == ".npz" else None
+    forces = read_forces(Path(path), table, robot, time, ignore)
     check_finite(table, values, list(where.values()), fill)
     joints = _joints(table, values, where, missing, robot)
     check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
