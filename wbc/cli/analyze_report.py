@@ -123,6 +123,8 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
         line.append(f"In {unknown} of {count} frames no sole is flat on the ground. ")
     if series.flight.any():
         line.append(f"The ground does not push in {series.flight.sum()} of {count} frames")
+        if not (series.flight & ~_extrapolated(series)).any():
+            line.append(f", only {NEAR_END}")
         unsure = int((series.flight & ~series.surely_flying).sum())
         line.append(f", in {unsure} of them perhaps by noise. " if unsure else ". ")
     undefined = int((~series.axes_defined.all(axis=1)).sum())

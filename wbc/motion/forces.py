@@ -68,8 +68,12 @@ def read_forces(
     else:
         used = (one for one in table.columns if not any(fnmatchcase(one, each) for each in ignore))
         where = {header.partition(" [")[0]: table.columns.index(header) for header in used}
-        columns = {foot: [where.get(f"{foot}/{row}") for row in WRENCH] for foot in feet}
-        arrays = {foot: table.values[:, six] for foot, six in columns.items() if None not in six}
+        named = {foot: [f"{foot}/{row}" for row in WRENCH] for foot in feet}
+        arrays = {
+            foot: table.values[:, [where[name] for name in names]]
+            for foot, names in named.items()
+            if where.keys() >= set(names)
+        }
     if not arrays:
         return None
     try:
