@@ -16,8 +16,11 @@ from wbc import (
     ComSupport,
     ComTask,
     Contact,
+    ContactForceTask,
+    CopTask,
     DampingTask,
     DistanceTask,
+    ForceRateTask,
     FrictionCone,
     InertiaTask,
     KinematicController,
@@ -312,3 +315,24 @@ def test_joints_in_degrees_are_said_once_and_those_within_limits_never(level, ca
         controller.step(wrong)
     (said,) = [one.getMessage() for one in caplog.records]
     assert "joints outside their limits" in said and "is q in degrees" in said
+
+
+@pytest.mark.parametrize(
+    ("task", "told"),
+    [
+        (LoadShareTask(ROBOT, {"left_foot": 1.0, "right_sole": 2.0}), "at left_foot, where"),
+        (ContactForceTask(ROBOT, "left_palm"), "at left_palm, where"),
+        (CopTask(ROBOT, [0.0, 0.0], frame="left_foot"), "at left_foot, where"),
+        (ForceRateTask(ROBOT, ["left_foot"]), "at left_foot, where"),
+        (ContactForceTask(ROBOT, "right_sole"), None),  # a foot that lands later
+        (CopTask(ROBOT, [0.0, 0.0]), None),
+    ],
+    ids=repr,
+)
+def test_tasks_about_forces_where_no_contact_is_are_said(task, told, caplog):  # type: ignore[no-untyped-def]
+    """The error of shares at links in place of soles was 0, and nothing was said."""
+    start = ROBOT.snapshot(ROBOT.posture("standing"))
+    held = support(start, "left")
+    TorqueController(ROBOT, [ComTask(ROBOT, start.com), task], contacts=held).step(start)
+    said = [one.getMessage() for one in caplog.records]
+    assert [told in one for one in said] == [True] if told else not said

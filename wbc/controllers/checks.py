@@ -20,6 +20,8 @@ from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks import validation
+from wbc.tasks.contact_force import ContactForceTask, ForceRateTask, LoadShareTask
+from wbc.tasks.cop import CopTask
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
@@ -100,6 +102,25 @@ def warn_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
             " at once. Make them of the measured state: wbc.support(snapshot, ...)",
             *(snapshot.robot.name, told),
         )
+
+
+def warn_forceless(tasks: Sequence[ForceTask], contacts: Sequence[Task]) -> None:
+    """Warn of tasks about the forces of contacts at frames that are neither held nor soles."""
+    held = [contact.name for contact in contacts]
+    for task in tasks:
+        frames: tuple[str, ...] = ()
+        if isinstance(task, ForceRateTask | LoadShareTask):
+            frames = task.frames
+        elif isinstance(task, ContactForceTask | CopTask) and task.frame is not None:
+            frames = (task.frame,)
+        soles = {foot.frame for foot in task.robot.feet.values()}
+        absent = [frame for frame in frames if frame not in soles.union(held)]
+        if absent:
+            logging.getLogger(__name__).warning(
+                "controller: %s is about the forces of contacts at %s, where there is none: it has"
+                " no effect there (contacts: %s)",
+                *(task, ", ".join(absent), ", ".join(held) or "none"),
+            )
 
 
 def warn_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:

@@ -251,6 +251,7 @@ class Controller(DeclaredAttributes, ABC):
             if not checks.warn_outside_limits(snapshot):
                 checks.warn_far_targets(self._motion, tick.errors)
             checks.warn_displaced(snapshot, self.contacts)
+            checks.warn_forceless(self._force_tasks, self.contacts)
         elif (
             number >= COMPETING_CHECK_FROM
             and tick.ok
