@@ -1,5 +1,6 @@
 """Phases that cannot be meant, each with one message that says where; and their JSON Schema."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -124,3 +125,33 @@ def test_no_phases_are_not_phases(tmp_path: Path) -> None:
 def test_switched_off_tasks_without_phases(tmp_path: Path) -> None:
     text = "robot: hoap2_like\ntasks:\n  com: {type: com, target: start, active: false}\n"
     assert "p.yaml:2: tasks: no task is active" in complaint(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("everywhere", "later", "where"),
+    [
+        ("[left, right, left_palm]", "double", r":2: support\[2\]"),
+        ("double", "[left, right, left_palm]", r":8: phases\.grasp\.support\[2\]"),
+    ],
+)
+def test_frames_of_which_it_is_not_known_where_they_bear_are_found_before_the_run(
+    tmp_path: Path, everywhere: str, later: str, where: str
+) -> None:
+    """In a later phase they were found when it began, and what was simulated was lost."""
+    text = f"""\
+robot: hoap2_like
+support: {everywhere}
+tasks:
+  com: {{type: com, target: start}}
+  calm: {{type: posture, weight: 0.1}}
+phases:
+  stand: {{duration: 0.1}}
+  grasp: {{duration: 0.1, support: {later}}}
+  go on: {{duration: 0.1}}
+controller: {{level: torque}}
+simulation: {{}}
+"""
+    found = complaint(tmp_path, text)
+    assert re.search(f"{where}: where forces act on 'left_palm' is not known", found)
+    assert found.count("left_palm'") == 1
+    problem_of(tmp_path, text.replace("left_palm", "{frame: left_palm, type: point}"))

@@ -87,6 +87,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     constraints_at = surroundings(spec.constraints, start, limits, mistakes)
     mistakes.raise_any()
     _check_contact_frames(spec, phases, start, mistakes)
+    if spec.controller.level == TORQUE:
+        _check_where_forces_act(spec, phases, start, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
     parts = Parts(
@@ -199,6 +201,26 @@ def _check_contact_frames(
                 remedy = f"the support never holds it while the task is on (held: {held_then})"
                 error = UnknownNameError("contact", frame, known, remedy)
                 mistakes.note(("tasks", name), error)
+
+
+def _check_where_forces_act(
+    spec: ProblemSpec, phases: Sequence[Phase], start: Snapshot, mistakes: Mistakes
+) -> None:
+    """Note contacts, of the problem or of a phase, of which it is not known where they bear."""
+    for k, phase in enumerate(phases):
+        own = spec.phases is not None and spec.phases[phase.name].support is not None
+        if k and not own:  # it has that of the phase before
+            continue
+        for contact in phase.hold(start):
+            if contact.friction is not None and contact.corners is None:
+                frame, where = contact.frame, ("phases", phase.name, "support")
+                text = (
+                    f"where forces act on {frame!r} is not known, it is no sole of"
+                    f" {start.robot.name}: write {{frame: {frame}, type: point}}, or give corners:"
+                    " [[x, y], ...] in its axes, or friction: grip if it also pulls and twists"
+                )
+                place = mistakes.source.find(frame, where if own else ("support",))
+                mistakes.note(place, text)
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
