@@ -165,6 +165,7 @@ def test_problem_files_describe_devices_and_name_mistakes(tmp_path: Path) -> Non
         (text % "torso" + "  sensors: {position_noise: 0.1}\n", "sensors.position_noise: adds"),
         (text % "torso" + "    bus: {delya: 1}\n", "did you mean 'delay'"),
         (text % "torso" + "    estimator: {history: -1}\n", "history"),
+        (text % "torso" + "  gravity: 1.62\n", "gravity: the estimator counts on 9.81"),
     ):
         with pytest.raises(ProblemFileError, match=told):
             load_problem(problem(tmp_path, wrong))

@@ -52,6 +52,7 @@ Strength = Annotated[
     Positive | Point, Forms("a number (with angle or direction), or a list [x, y, z]")
 ]
 STRENGTHS = ("force", "impulse", "impulse_ratio")
+LEAST_FELT = 0.5  # of the weight, at which an estimator begins: see source/gravity_alignment.c
 STEP_TOLERANCE = 1e-6  # in physics steps: tolerance of a time that is a whole number of them
 
 
@@ -324,6 +325,13 @@ class SimulationSpec(Section):
         if np.any((*self.start.velocity, *self.start.angular_velocity)) or self.start.height:
             text = "a robot whose state is estimated begins at rest: leave out"
             mistakes.note(("simulation", "start"), text)
+        known = start.robot.gravity
+        if self.gravity is not None and self.gravity < LEAST_FELT * known:
+            text = (
+                f"the estimator counts on {known:.3g} m/s^2, as the controller does, and does not"
+                " begin where less than half of that is felt; leave out this, or estimate: true"
+            )
+            mistakes.note(("simulation", "gravity"), text)
 
     def plant(
         self, start: Snapshot, feet: Sequence[str], dt: float, hands: Sequence[Hand] = ()
