@@ -12,6 +12,7 @@ import pytest
 import wbc
 from tests import urdf
 from tests.standing import stack, standing
+from tests.urdf import link
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.robot import Robot, Snapshot
 
@@ -320,3 +321,19 @@ def test_bolts_named_by_support_hold_where_a_joint_is_too_weak_for_its_load(tmp_
         tick = wbc.TorqueController(arm, tasks, contacts=contacts, limits=limits).step(here)
         assert tick.relaxed == ("j2",)
         np.testing.assert_allclose(tick.acceleration[:6], 0.0, atol=1e-6)
+
+
+def test_a_box_without_joints_stands_on_its_corners() -> None:
+    """A robot whose joints are all locked is one, too."""
+    box = wbc.Robot.load(f'<robot name="box">{link("it", mass=2)}</robot>', base="floating")
+    here = box.snapshot(box.posture("neutral"))
+    corners = [[0.1, 0.1, -0.1], [-0.1, 0.1, -0.1], [-0.1, -0.1, -0.1], [0.1, -0.1, -0.1]]
+    tick = wbc.TorqueController(
+        box,
+        [wbc.ComTask(box, here.com)],
+        contacts=[wbc.Contact.hold(here, "it", corners=corners)],
+        limits=wbc.Limits(box),
+    ).step(here)
+    np.testing.assert_allclose(tick.forces["it"], [0, 0, box.weight, 0, 0, 0], atol=1e-6)
+    with pytest.raises(InvalidInputError, match="box has no joint; leave the task out"):
+        wbc.PostureTask(box, here.q)

@@ -76,7 +76,8 @@ class StanceBraking:
     def _free_accelerations(self) -> tuple[Array, Array]:
         """Inverse mass matrix (nv, nv) without contacts, and the ground's share (nv - 6,)."""
         standing, robot = self._standing, self._robot
-        joints = np.array([standing.position(name) for name in robot.joint_names])
+        places = [standing.position(name) for name in robot.joint_names]
+        joints = np.array(places).reshape(-1, 3)
         away = np.linalg.norm(joints - standing.com, axis=1)
         # A bolted base does not move, and may be without mass.
         moves = slice(BASE_NV if robot.fixed_base else 0, None)

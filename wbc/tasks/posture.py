@@ -52,7 +52,8 @@ class PostureTask(CoreTask):
         factors = joint_factors(robot, joints, name)[BASE_NV:]
         chosen = np.flatnonzero(factors)
         if chosen.size == 0:
-            raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
+            why = "every joint has weight 0" if factors.size else f"{robot.name} has no joint"
+            raise InvalidInputError(f"task {name!r}: {why}; leave the task out")
         names = [robot.joint_names[k] for k in chosen]
         if isinstance(weight, Mapping | list | tuple) or np.ndim(weight):
             raise InvalidInputError(
