@@ -144,6 +144,12 @@ def test_a_search_has_a_seed_and_leaves_the_processors_to_the_campaign(tmp_path:
         ("problems: [push.yaml]\nseeds: many", "seeds: expected how many from 0 on, or a list"),
         ("problems: [stand.yaml]\nseeds: 2000000\ndraw: {limits.margin: [0, 0.1]}", "at most"),
         ("problems: [stand.yaml]\nseeds: [1, 2, 1]\ndraw: {limits.margin: [0, 0.1]}", "twice"),
+        ("problems: [stand.yaml]\ngrid: {tasks.com.gain: [1, 0.1, 1]}",
+         "gain\"[2]: 1 is there twice"),
+        ("problems: [stand.yaml, ./stand.yaml]", "problems[1]: "),
+        # Of the weight nothing was left, but the table had it.
+        ("problems: [stand.yaml]\ngrid:\n  tasks.com.weight: [2]\n"
+         "  tasks.com: [{type: com, target: start}]", "replaces tasks.com.weight with all"),
         ("", "at least 'problems:'"),
         # Each value is fine, the last two together are not.
         (

@@ -102,6 +102,15 @@ def test_what_stands_below_a_replaced_value_was_replaced_too() -> None:
     assert source.where(("tasks", "com", "target")) == "--set tasks.com"
 
 
+def test_a_value_that_a_later_one_replaces_is_refused() -> None:
+    """It was lost without a word; the other way round both count."""
+    whole = {"tasks.com": {"type": "com", "target": "start"}}
+    with pytest.raises(ProblemFileError, match=r"--set tasks\.com: replaces tasks\.com\.gain with"):
+        overridden({"tasks.com.gain": 0.1, **whole})
+    assert overridden({**whole, "tasks.com.gain": 0.1}).data["tasks"]["com"]["gain"] == 0.1
+    assert overridden({'tasks."com".gain': 0.2, "tasks.com.gain": 0.1}).data  # the last one counts
+
+
 def test_arrays_and_tuples_become_lists() -> None:
     source = overridden({"tasks.com.target": np.arange(3.0), "tasks.com.gain": np.float64(0.5)})
     assert source.data["tasks"]["com"] == {"type": "com", "target": [0.0, 1.0, 2.0], "gain": 0.5}

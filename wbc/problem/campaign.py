@@ -115,6 +115,13 @@ def load_campaign(path: str | Path) -> Campaign:
         mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
     if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
+    places = [str((path.parent / file).resolve()) for file in spec.problems]
+    for key, values in ((("problems",), places), *((("grid", k), v) for k, v in spec.grid.items())):
+        texts = [json.dumps(value, default=str) for value in values]
+        for k, text in enumerate(texts):
+            if text in texts[:k]:
+                mistakes.note((*key, k), f"{text} is there twice, which would be the same run")
+    mistakes.raise_any()
     files = {name: path.parent / file for name, file in _names(spec.problems).items()}
     sources = {}
     for k, (name, file) in enumerate(files.items()):
@@ -187,10 +194,13 @@ def _runs(
             seeded = _seed_paths(found)
             if seeds != [None] and not (seeded or spec.draw):
                 mistakes.fail(("seeds",), f"nothing is random in {problem}; remove them, or draw")
-            if found is not None and isinstance(found.controller, GlobalSpec):
+            whole = overrides.get("controller", {})
+            searched = found is not None and isinstance(found.controller, GlobalSpec)
+            if searched and "workers" not in whole:
                 # The campaign has its own processes; results do not depend on the number of
                 # workers.
-                overrides = {"controller.workers": 1, **overrides}
+                workers = overrides.get("controller.workers", 1)
+                overrides = {**overrides, "controller.workers": workers}
             for seed in seeds:
                 given = (
                     {} if seed is None else {**dict.fromkeys(seeded, seed), **_draws(spec, seed)}

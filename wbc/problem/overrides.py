@@ -46,20 +46,26 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
     ------
     ProblemFileError
         The source is no mapping; or a path that leads into something that is no mapping or list,
-        past the end of a list, or into a task or phase that does not exist.
+        past the end of a list, or into a task or phase that does not exist; or a value that a later
+        one replaces with all of its section.
     """
     if not isinstance(source.data, dict):
         raise ProblemFileError(f"{source.name}: is no mapping, in which a value could be replaced")
     data = copy.deepcopy(source.data)
-    overridden = dict(source.overridden)
+    overridden, given = dict(source.overridden), dict[KeyPath, str]()
     for text, value in overrides.items():
         label = f"--set {text}"
         try:
             path = parse_path(text)
         except ProblemFileError as error:
             raise ProblemFileError(f"--set {error}") from None
+        for before, name in given.items():
+            if len(before) > len(path) and before[: len(path)] == path:
+                raise ProblemFileError(
+                    f"{label}: replaces {name} with all else there; give it first"
+                )
         _put(data, path, plain(value), label)
-        overridden[path] = label
+        overridden[path], given[path] = label, text
     return replace(source, data=data, overridden=overridden)
 
 
