@@ -6,7 +6,7 @@ import qpsolvers
 
 from wbc.constraints import Contact, Limits, PositionBox, support
 from wbc.controllers import KinematicController
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
@@ -132,3 +132,15 @@ def test_the_closest_command_stays_within_limits_and_says_what_it_misses(
     assert "which misses" in tick.report()
     assert tick.conflict is not None
     assert {row.label.split()[0] for row in tick.conflict.rows} >= {"left_sole"}
+
+
+def test_slack_of_a_name_that_two_constraints_have_is_refused(hoap2: Robot, here: Snapshot) -> None:
+    """Both gave way; with names of their own one does."""
+    soft, hard = boxed(hoap2, here), boxed(hoap2, here)
+    contacts = support(here, "double")
+    given = {"contacts": contacts, "constraints": [soft, hard]}
+    with pytest.raises(InvalidInputError, match="2 contacts and constraints are called 'box of b"):
+        controller(hoap2, here, slack={"box of base": 1.0}, **given)
+    soft.name = "soft"
+    apart = controller(hoap2, here, slack={"soft": 1.0}, **given)
+    assert apart.slacks.is_hard(hard.name) and not apart.slacks.is_hard(soft.name)

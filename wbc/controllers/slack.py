@@ -40,7 +40,7 @@ class Slacks:
     UnknownNameError
         No contact or constraint of a name.
     InvalidInputError
-        No mapping, or a weight that is not a positive number.
+        No mapping, a weight that is not a positive number, or a name that several have.
     """
 
     def __init__(
@@ -58,6 +58,11 @@ class Slacks:
         for name in weights:
             if name not in known:
                 raise UnknownNameError("contact or constraint", name, known)
+            if known.count(name) > 1:
+                raise InvalidInputError(
+                    f"controller, slack: {known.count(name)} contacts and constraints are called"
+                    f" {name!r}; tell them apart: constraint.name = ..."
+                )
         own = {
             name: finite_number(f"controller, slack of {name!r}", weight, above=0.0)
             for name, weight in weights.items()
