@@ -256,6 +256,18 @@ def test_a_contact_with_slack_is_not_left_out_alone(hoap2: Robot) -> None:
     assert set(tick.forces) == {"right_sole"}
 
 
+def test_a_grip_in_place_of_a_contact_that_comes_has_no_ramp(hoap2: Robot) -> None:
+    """It has no normal force to bound; the tick said that it had."""
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    both = left, right = wbc.support(here, "double")
+    controller = wbc.TorqueController(hoap2, [wbc.ComTask(hoap2, here.com)], contacts=[left])
+    controller.step(here)
+    controller.set_contacts(both)
+    assert controller.step(here).ramps.keys() == {right.name}
+    controller.set_contacts([left, wbc.Contact.hold(here, right.name, friction=None)])
+    assert not controller.step(here).ramps
+
+
 @pytest.mark.parametrize("ticks", [1, 2, 4])
 def test_bounds_by_hand_tick_by_tick(ticks: int, hoap2: Robot) -> None:
     """From 0 up to the weight, and from what was borne down to 0, in equal steps; then none."""

@@ -91,13 +91,15 @@ class ForceRamps:
             for name in before - after
             if normal_forces.get(name, 0.0) > NEGLIGIBLE * self._full
         }
-        for task in wanted:
-            has_force = isinstance(task, Contact) and task.friction is not None
-            if has_force and task.name not in before:
-                self._coming[task.name] = Ramp(0.0, self._full, ticks)
-        for name in after & set(self._going):  # contacts that are set again while being released
-            self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
-        self._coming = {name: ramp for name, ramp in self._coming.items() if name in after}
+        bearing = [
+            task.name for task in wanted if isinstance(task, Contact) and task.friction is not None
+        ]
+        for name in bearing:
+            if name in self._going:  # it is set again while being released
+                self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
+            elif name not in before:
+                self._coming[name] = Ramp(0.0, self._full, ticks)
+        self._coming = {name: ramp for name, ramp in self._coming.items() if name in bearing}
         still = {name: self._going[name] for name in going.keys() & self._going.keys()}
         self._going = going | still
         return (*wanted, *(task for task in held if task.name in going))
