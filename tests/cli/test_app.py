@@ -402,6 +402,7 @@ def test_what_typer_refuses_is_answered_with_what_to_write(file: Path) -> None:
         (("run", file, "--set", "tasks.hand.gain", "0.3"), "one word"),
         (("run", file, "--gain=0.3"), "No such option: --gain; values of the file are replaced"),
         (("hardware", "run", file, "a.b=1"), "--set a.b=1"),
+        (("run", file, "--set"), "Option '--set' requires an argument."),
         (("walk.yaml",), "is run by: wbc run walk.yaml"),
         (("simulate", file), "did you mean 'sim'?"),
     ):

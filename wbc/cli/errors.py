@@ -103,6 +103,8 @@ class Commands(TyperGroup):
 
     def _hint(self, error: Any) -> str:
         """Return a suggestion for a usage error; empty if there is none."""
+        if error.ctx is None:  # an option at the end of the line, without its value
+            return ""
         command, said, group = error.ctx.command, error.message, error.ctx.parent
         if command is self and (found := re.fullmatch(r"No such command '(.*)'\.", said)):
             word = found[1]
