@@ -116,7 +116,7 @@ def test_the_recording_is_not_overwritten(walk: Path) -> None:
     ("options", "words"),
     [
         ([], "CoP inside the support polygon wherever"),
-        (["--ground", "-0.3"], "CoP not checked: no sole is ever flat on the ground"),
+        (["--ground", "-0.3"], "CoP not checked: no sole ever touches the ground"),
         (["--feet", "none"], "CoP not checked: no feet"),
         (["--feet", "left", "--ground", "0"], "CoP outside the support polygon in 100 of 100"),
     ],

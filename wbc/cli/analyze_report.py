@@ -106,7 +106,7 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
         line.append("CoP not checked: no feet. ")
     elif unknown and not checked:
         line.append(
-            "CoP not checked: no sole is ever flat on the ground; check --ground, and the unit"
+            "CoP not checked: no sole ever touches the ground; check --ground, and the unit"
             " of the base and the order of its quaternion. ",
             style="yellow",
         )
@@ -120,7 +120,7 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
         if unsure:
             line.append(f"In {unsure} of {count} frames it may be outside within the noise. ")
     if unknown and checked:
-        line.append(f"In {unknown} of {count} frames no sole is flat on the ground. ")
+        line.append(f"In {unknown} of {count} frames no sole touches the ground. ")
     if series.flight.any():
         line.append(f"The ground does not push in {series.flight.sum()} of {count} frames")
         if not (series.flight & ~_extrapolated(series)).any():
