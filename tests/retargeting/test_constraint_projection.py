@@ -125,7 +125,7 @@ def test_footprints_of_a_displaced_robot_are_updated(step: wbc.Retargeted) -> No
     T = pin.SE3(pin.AngleAxis(turn, np.array((0.0, 0.0, 1.0))).matrix(), move)
     q = np.array([np.concatenate((pin.SE3ToXYZQUAT(T * pin.XYZQUATToSE3(one[:7])), one[7:]))
                   for one in step.q])  # fmt: skip
-    feet, notes = update_footprints(step.targets.feet, step.robot, q)
+    feet, notes = update_footprints(step.targets.feet, step.robot, q, step.time)
     for before, after in zip(step.targets.feet.prints, feet.prints, strict=True):
         np.testing.assert_allclose(after.pose[:2], R @ before.pose[:2] + move[:2], atol=2e-3)
         assert after.pose[2] == pytest.approx(before.pose[2] + turn, abs=2e-3)
@@ -133,7 +133,7 @@ def test_footprints_of_a_displaced_robot_are_updated(step: wbc.Retargeted) -> No
         old, new = step.targets.feet.paths[side], feet.paths[side]
         corners = old.corners[down][..., :2] @ R.T + move[:2]
         np.testing.assert_allclose(new.corners[down][..., :2], corners, atol=2e-3)
-    assert len(notes) == len(feet.prints)
+    assert len(notes) == len(feet.prints) and "0.00 to " in notes[0]
 
 
 def test_violations_tell_size_time_and_place(step: wbc.Retargeted) -> None:

@@ -269,6 +269,8 @@ def test_motion_unlike_the_human_is_noted(crouch: wbc.Retargeted) -> None:
     other = replace(same, whole=replace(same.whole, com=human * [1.0, 1.0, -1.0]))
     (note,) = dissimilarity_notes(other)
     assert "CoM correlates by -1.00 along z" in note and "along x" not in note
+    still = replace(crouch.targets, human_com=human * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.3])
+    assert dissimilarity_notes(replace(same, targets=still)) == []  # it correlates by chance
     assert (
         f"moves by {1e3 * np.ptp(human[:, 2]):.0f} mm" in note
         and "momentum" not in note.split(";")[0]
@@ -327,6 +329,8 @@ def test_bad_arguments_are_refused(hoap2: Robot) -> None:
         wbc.retarget(human, hoap2, duration="fast")
     with pytest.raises(wbc.WbcError, match="rate"):
         wbc.retarget(human, hoap2, rate=1.0)
+    with pytest.raises(wbc.WbcError, match="margin: 10 m between bodies"):
+        wbc.retarget(human, hoap2, margin=10.0)
     with pytest.raises(wbc.WbcError, match="weights, com"):
         RetargetWeights(com=0.0)
     with pytest.raises(wbc.WbcError, match="part of a body"):

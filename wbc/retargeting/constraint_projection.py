@@ -226,7 +226,9 @@ def near_pairs(
     return frames, pairs, clearance, J
 
 
-def update_footprints(feet: FootPaths, robot: Robot, q: Array) -> tuple[FootPaths, list[str]]:
+def update_footprints(
+    feet: FootPaths, robot: Robot, q: Array, time: Array
+) -> tuple[FootPaths, list[str]]:
     """Return foot paths with footprints where a robot has them (n, nq), and notes."""
     soles, prints, notes = sole_series(robot, q), list[Footprint](), list[str]()
     paths = dict(feet.paths)
@@ -246,8 +248,8 @@ def update_footprints(feet: FootPaths, robot: Robot, q: Array) -> tuple[FootPath
         if distance > NOTED or abs(yaw) > NOTED:
             notes.append(
                 f"the {one.foot} foot stands {1e3 * distance:.0f} mm and {np.degrees(yaw):.1f}"
-                f" degrees aside from frame {one.first} to {one.end - 1}: the robot reaches no"
-                " nearer"
+                f" degrees aside from {time[one.first]:.2f} to {time[one.end - 1]:.2f} s: the robot"
+                " reaches no nearer"
             )
     for side in sorted(feet.line_feet):
         tilt = float(np.abs(np.arcsin(soles[side][paths[side].down, 2, 1])).max(initial=0.0))

@@ -38,7 +38,7 @@ from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz, as policy training reads it
-FRICTION, MARGIN = 0.6, 0.01  # 1, m
+FRICTION, MARGIN, MAX_MARGIN = 0.6, 0.01, 0.2  # 1, m, m
 MAX_RATE = 1000.0  # Hz
 MIN_FRAMES = 4  # of a motion with a jerk
 
@@ -132,6 +132,11 @@ def retarget(
         raise InvalidInputError(f"retarget, roll: {roll:g} is above 1, the human's own")
     friction = finite_number("retarget, friction", friction, above=0.0)
     margin = finite_number("retarget, margin", margin, least=0.0)
+    if margin > MAX_MARGIN:
+        raise InvalidInputError(
+            f"retarget, margin: {margin:g} m between bodies is more than a robot's arms and legs"
+            f" leave; give at most {MAX_MARGIN:g}, in metres"
+        )
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
     setup = robot_setup(robot, links, margin if self_collision else None)
@@ -159,7 +164,7 @@ def retarget(
     tasks = found.problem.tasks
     targets, k = tasks.targets, found.problem.states(found.q).part("momentum", 6)[:, 3:]
     factor = momentum_scale(k, targets.angular_momentum, tasks.momentum)
-    feet, moved = update_footprints(targets.feet, reduced, found.q)
+    feet, moved = update_footprints(targets.feet, reduced, found.q, targets.time)
     targets = replace(targets, feet=feet, angular_momentum=factor * targets.angular_momentum)
     notes += [*targets.notes, *momentum_notes(factor), *moved]
     notes += penetration_notes(reduced, targets, found.q)

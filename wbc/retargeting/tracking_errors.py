@@ -20,6 +20,7 @@ from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 MIN_CORRELATION, MAX_AXIS_ERROR = 0.95, 10.0  # 1, deg; a motion beyond is noted
+MIN_COM_MOTION = 5e-3  # of the CoM's height: a motion by less correlates by chance
 MAX_LIMB_ERROR = 60.0  # deg: an arm that is told to be elsewhere; of human walks up to 30
 MAX_PENETRATION = 5e-3  # m, of soles below the ground; more is noted
 MIN_GAP = 0.2  # between second moments, by the largest: axes of closer ones are ill-defined
@@ -116,11 +117,12 @@ def penetration_notes(robot: Robot, targets: Targets, q: Array) -> list[str]:
 def dissimilarity_notes(found: Retargeted) -> list[str]:
     """Return notes where CoM, momentum, long axis, trunk or arms differ much from the human's."""
     whole, human = found.whole, found.targets.human_com
+    least = MIN_COM_MOTION * float(np.mean(human[:, 2]))
     both = whole.momentum[:, 3:], found.targets.angular_momentum
     parts = [
         f"the CoM correlates by {c:.2f} along {axis} (the human's moves by {1e3 * way:.0f} mm)"
         for axis, c, way in zip("xyz", found.com_correlation, np.ptp(human, axis=0), strict=True)
-        if c < MIN_CORRELATION
+        if c < MIN_CORRELATION and way > least
     ]
     c = float(correlations(*(one.reshape(-1, 1) for one in both))[0])
     if c < MIN_CORRELATION:
