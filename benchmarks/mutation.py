@@ -163,6 +163,71 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "demanded = float(np.abs(b).max(initial=0.0))",
         "0.0 -> 0.001",
     ): "contacts at rest get an interior that is larger by 0.1 mm/s",
+    (
+        "wbc/qp/least_infeasible.py",
+        "found = np.flatnonzero(np.abs(missed) > _MET * (1.0 + largest(x)))",
+        "Gt -> GtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/qp/least_infeasible.py",
+        "u=qp.u + np.where(above > 0.0, above + margin, 0.0),",
+        "Gt -> GtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/controllers/core_plan.py",
+        "if not isinstance(backend, ActiveSet | ProxQP) or backend.eps > TOLERANCE:",
+        "Gt -> GtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/controllers/relaxation.py",
+        "own = np.broadcast_to(weight, bounds.lower.shape)",
+        "lower -> upper",
+    ): "both have the same shape",
+    (
+        "wbc/qp/core.py",
+        "wanted = np.empty(3, dtype=np.int64)",
+        "3 -> 4",
+    ): "room for one number more",
+    (
+        "wbc/controllers/core_memory.py",
+        "looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0",
+        "5 -> 6",
+    ): "room for one number more",
+    (
+        "wbc/constraints/limits.py",
+        "checked = finite_vector(what, np.where(np.isposinf(given), 1.0, given), size)",
+        "1.0 -> 2.001",
+    ): "any finite number: what is infinite is kept",
+    (
+        "wbc/controllers/contact_forces.py",
+        "found = np.zeros(self.size, dtype=bool)",
+        "zeros -> ones",
+    ): "each place is written",
+    (
+        "wbc/constraints/validation.py",
+        "for k in np.flatnonzero(lower > upper)[:1]:",
+        "1 -> 2",
+    ): "the first is raised",
+    (
+        "wbc/constraints/independent_rows.py",
+        "levers = [contact.position - origin for contact in contacts]",
+        "Sub -> Add",
+    ): "the rank does not depend on the point of reference",
+    (
+        "wbc/tasks/weights.py",
+        'one = not isinstance(weight, Iterable) or getattr(weight, "ndim", 1) == 0',
+        "1 -> 2",
+    ): "any number but 0",
+    (
+        "wbc/controllers/contact_forces.py",
+        "local = part.grasp.reshape(2, 3, -1)",
+        "1 -> 2",
+    ): "any negative number: NumPy works it out",
+    (
+        "wbc/controllers/torque.py",
+        "P, g = plan.memory.cost(-1)",
+        "1 -> 2",
+    ): "any negative number: all levels",
 }
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.standing import commanded
 from wbc import KinematicController, OrientationTask, PostureTask, support
-from wbc.constraints import BrakingParameters, TiltLimit
+from wbc.constraints import BrakingParameters, PositionBox, TiltLimit
 from wbc.constraints.margin import SKIN
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
@@ -118,6 +118,13 @@ def test_a_search_knows_the_cosine_of_the_tilt(hoap2) -> None:
     value = float(ca.Function("tilt", [symbol], [rows.value])(q))
     assert value == pytest.approx(np.cos(tilt_of(hoap2, q, limit.axis.copy())), abs=1e-12)
     assert rows.lower == pytest.approx(np.cos(0.7 - SKIN))
+    # And of a box the axes with one bound or two.
+    box = PositionBox(hoap2, TRUNK, (-np.inf, -0.3, -np.inf), (np.inf, np.inf, 0.5))
+    rows = box.symbolic_rows(SymbolicPosture.at(hoap2, symbol))
+    value = np.asarray(ca.Function("box", [symbol], [rows.value])(q)).ravel()
+    np.testing.assert_allclose(value, hoap2.snapshot(q).position(TRUNK)[1:], atol=1e-12)
+    np.testing.assert_allclose(rows.lower, (-0.3 + SKIN, -np.inf))
+    np.testing.assert_allclose(rows.upper, (np.inf, 0.5 - SKIN))
 
 
 @pytest.mark.parametrize(

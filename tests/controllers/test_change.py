@@ -79,6 +79,8 @@ def test_what_is_left_out_stays(here: Snapshot) -> None:
     controller.change(tasks=[task])
     assert controller.tasks == (task,)
     assert (controller.contacts, controller.constraints) == kept
+    with pytest.raises(InvalidInputError, match="contacts"):
+        controller.set_contacts(None)  # type: ignore[arg-type]  # which is no word for staying
     controller.change(constraints=[])
     assert controller.constraints == () and controller.contacts == kept[0]
     assert list(controller.step(here).errors) == ["calm"]

@@ -13,7 +13,14 @@ from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.symbolic import SymbolicPosture
-from wbc.tasks import ComTask, DampingTask, DistanceTask, PositionTask, RelativePoseTask
+from wbc.tasks import (
+    ComTask,
+    DampingTask,
+    DistanceTask,
+    PositionTask,
+    PostureTask,
+    RelativePoseTask,
+)
 
 LEFT, RIGHT = "left_palm", "right_palm"
 YAML = """# Relative tasks in a file.
@@ -134,3 +141,10 @@ def test_what_makes_no_sense_is_refused(hoap2: Robot) -> None:
         RelativePoseTask(hoap2, LEFT, RIGHT, np.zeros(3), np.eye(3), components=("r",))
     with pytest.raises(InvalidInputError, match="nothing left to damp"):
         DampingTask(hoap2, joints={"*": 0.0}, base=False)
+
+
+def test_weights_of_joints_multiply_that_of_the_posture(hoap2: Robot) -> None:
+    """Of the cost: a row's weight is the task's times its joint's."""
+    task = PostureTask(hoap2, hoap2.posture(), weight=3.0, joints={"*": 0.5, "*knee*": 10.0})
+    expected = [30.0 if "knee" in name else 1.5 for name in hoap2.joint_names]
+    np.testing.assert_allclose(task.weight, expected, rtol=1e-15)
