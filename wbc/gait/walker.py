@@ -407,7 +407,8 @@ class Walker:
 
     def _notice_jump(self, snapshot: Snapshot, now: GaitState) -> None:
         """Begin anew where a standing robot was put; say so, once, if it walked."""
-        moved = max(float(np.abs(now.places[foot] - self._places[foot]).max()) for foot in SIGN)
+        steps = [now.places[foot] - self._places[foot] for foot in SIGN]
+        moved = math.sqrt(max(float(step @ step) for step in steps))
         if moved <= START_TOLERANCE:
             return
         if isinstance(self.phase, Standing):
