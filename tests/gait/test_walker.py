@@ -1,7 +1,7 @@
 """A real walk in MuJoCo: a few steps, a stop, a landing that comes early; and from the schedule."""
 
 import re
-from copy import deepcopy
+from copy import copy, deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,18 @@ def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> Non
         InvalidInputError, match="has a task 'posture' of its own; give yours anoth"
     ):
         wbc.gait.Walker(hoap2, tasks=[arms])
+
+
+def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:
+    """With the same robot's snapshots; its steps were the original's."""
+    walker, here = wbc.gait.Walker(hoap2), hoap2.snapshot(hoap2.posture())
+    walker.command(0.1)
+    walker.step(here)
+    other = copy(walker)
+    torques = [other.step(here).torque for _ in range(120)]
+    assert isinstance(walker.phase, DoubleSupport) and isinstance(other.phase, SingleSupport)
+    for torque in torques:
+        np.testing.assert_array_equal(walker.step(here).torque, torque)
 
 
 def test_an_assigned_command_is_refused(hoap2: Robot) -> None:

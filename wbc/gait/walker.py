@@ -21,8 +21,9 @@ import cmath
 import logging
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -238,6 +239,10 @@ class Walker:
                 example = "dataclasses.replace(walker.limits, forwards=0.3)"
                 check_kind("walker, limits", value, CommandLimits, example)
             object.__setattr__(self, name, value)
+
+    def __copy__(self) -> Self:
+        """Return a walker of the same robot, with its own state: both walk on from here."""
+        return deepcopy(self, {id(self.robot): self.robot})
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
