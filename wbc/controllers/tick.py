@@ -96,7 +96,9 @@ class Tick:
     errors:
         Error of each task by name, actual minus target.
     solution, qp:
-        The evidence: multipliers, recomputed KKT residuals, named rows, rows in conflict.
+        The evidence: multipliers, recomputed KKT residuals, named rows, rows in conflict. Rows of
+        constraints with slack are in ``qp`` as if they were hard, without their slack variables:
+        the solution misses them by ``slack``.
     times:
         Seconds by stage.
     step_scale:
