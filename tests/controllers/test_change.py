@@ -135,3 +135,21 @@ def test_idle_and_foreign_tasks_are_refused(here: Snapshot) -> None:
         with pytest.raises(InvalidInputError, match=words):
             controller.change(tasks=[task])
     assert len(controller.tasks) == 2 and controller.step(here).ok
+
+
+def test_a_change_that_is_refused_changes_nothing(here: Snapshot) -> None:
+    """Where forces act on a palm is not known: the feet were being released, and tasks new."""
+    controller = made("torque", before(here))
+    wanted = controller.step(here)
+    palm, aside = wbc.Contact.hold(here, "left_palm"), wbc.ComTask(here.robot, here.com + 0.1)
+    tasks, contacts = controller.tasks, controller.contacts
+    for refused in (
+        lambda: controller.set_contacts([palm]),
+        lambda: controller.change(tasks=[aside], contacts=[palm]),
+    ):
+        with pytest.raises(InvalidInputError, match="where its forces act is not known"):
+            refused()
+        assert controller.tasks == tasks and controller.contacts == contacts
+        tick = controller.step(here)
+        assert not tick.ramps
+        np.testing.assert_allclose(tick.torque, wanted.torque, atol=1e-8)

@@ -11,7 +11,8 @@ only the solver's warm start is kept, and at the torque level the last forces an
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
 from time import perf_counter
@@ -183,15 +184,30 @@ class Controller(DeclaredAttributes, ABC):
         """Replace tasks, contacts, constraints or slack from the next tick on; others stay.
 
         Solvers keep their warm starts for each set of contacts, and at the torque level forces ramp
-        up and down. Raises what :class:`Controller` raises.
+        up and down. Raises what :class:`Controller` raises, and nothing is changed then.
         """
-        tasks = self.tasks if tasks is None else tasks
-        held = self.contacts if contacts is None else contacts
-        constraints = self.constraints if constraints is None else constraints
-        slack = self._slack if slack is None else slack
-        self._set_parts(tasks, held, constraints, slack)
-        # self.contacts may include some that are being released: only given ones come back.
-        self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
+        with self._unchanged_if_refused():
+            tasks = self.tasks if tasks is None else tasks
+            held = self.contacts if contacts is None else contacts
+            constraints = self.constraints if constraints is None else constraints
+            slack = self._slack if slack is None else slack
+            self._set_parts(tasks, held, constraints, slack)
+            # self.contacts may include some that are being released: only given ones come back.
+            self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
+
+    @contextmanager
+    def _unchanged_if_refused(self) -> Iterator[None]:
+        """Put the controller back to what it is if the change meanwhile raises.
+
+        Some parts are refused only where the plan is made, when others are changed already.
+        """
+        before = dict(self.__dict__)
+        try:
+            yield
+        except Exception:
+            self.__dict__.clear()
+            self.__dict__.update(before)
+            raise
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
         """Replace the contacts: :meth:`change` for contacts alone."""

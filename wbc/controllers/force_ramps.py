@@ -94,12 +94,13 @@ class ForceRamps:
         bearing = [
             task.name for task in wanted if isinstance(task, Contact) and task.friction is not None
         ]
+        coming = dict(self._coming)
         for name in bearing:
             if name in self._going:  # it is set again while being released
-                self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
+                coming[name] = Ramp(self._going[name].most, self._full, ticks)
             elif name not in before:
-                self._coming[name] = Ramp(0.0, self._full, ticks)
-        self._coming = {name: ramp for name, ramp in self._coming.items() if name in bearing}
+                coming[name] = Ramp(0.0, self._full, ticks)
+        self._coming = {name: ramp for name, ramp in coming.items() if name in bearing}
         still = {name: self._going[name] for name in going.keys() & self._going.keys()}
         self._going = going | still
         return (*wanted, *(task for task in held if task.name in going))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from functools import cached_property, partial
 from typing import Any, Never, cast
 
@@ -290,7 +291,8 @@ class TorqueController(Controller):
             A contact with slack is left out: :meth:`change` takes contacts and slack together.
         """
         check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints, self._slack)
-        self._plan(self._next_contacts(tuple(contacts), ramp))
+        with self._unchanged_if_refused():
+            self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Drop the contacts whose forces have ramped to zero, then step as every controller."""
@@ -322,6 +324,7 @@ class TorqueController(Controller):
         ramp = self.force_ramp if ramp is None else finite_number("contacts, ramp", ramp, least=0.0)
         loads = {} if self._last is None else self._last.normal_forces()
         held = self.contacts if self._last is not None else wanted
+        self._ramps = copy(self._ramps)  # a change that is refused has the ramps that there were
         changed = self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
         self._remember_slack(changed[len(wanted) :])
         return changed
