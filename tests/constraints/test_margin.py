@@ -388,3 +388,29 @@ def test_bad_laws(values, words: str) -> None:
 def test_limits_of_another_robot(hoap2, robot_named) -> None:
     with pytest.raises(InvalidInputError, match="another robot"):
         Walls(hoap2, [1.0], limits=Limits(robot_named("talos")))
+
+
+class Refilled(Walls):
+    """The same, in arrays that are filled anew each time, as in a loop in C."""
+
+    def distances(self, snapshot: Snapshot, keys=None) -> Distances:
+        found = super().distances(snapshot, keys)
+        if not hasattr(self, "kept"):
+            self.kept = found
+        self.kept.clearance[:], self.kept.jacobian[:] = found.clearance, found.jacobian
+        return self.kept
+
+
+def test_distances_in_arrays_that_are_filled_anew_are_those_of_their_snapshot(
+    hoap2: Robot,
+) -> None:
+    """Those at the end of a step were compared with themselves: nothing was ever violated."""
+    here, v = at(hoap2, 0.0), np.zeros(hoap2.nv)
+    v[0] = 40.0  # through the wall within a tick
+    there = hoap2.snapshot(hoap2.integrate(here.q, v, DT))
+    cuts = []
+    for kind in (Walls, Refilled):
+        walls = kind(hoap2, [0.1])
+        cuts.append(walls.cutting_planes(there, v, DT, walls.rows(here, DT)))
+    assert cuts[0] is not None and cuts[1] is not None
+    np.testing.assert_array_equal(cuts[0].lower, cuts[1].lower)

@@ -152,7 +152,13 @@ class Margin(DeclaredAttributes, Constraint):
 
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return one row for each distance, bounded as the module says."""
-        return self._rows(self.distances(snapshot), dt)
+        found = self.distances(snapshot)
+        if not self._tested and isinstance(found, Distances):
+            # One's own may be in arrays that it fills anew at the end of the step.
+            rate = None if found.rate is None else np.array(found.rate)
+            clearance, jacobian = np.array(found.clearance), np.array(found.jacobian)
+            found = found._replace(clearance=clearance, jacobian=jacobian, rate=rate)
+        return self._rows(found, dt)
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
         least = self._approach(distances, dt)
