@@ -323,6 +323,20 @@ def test_a_stop_before_the_last_of_long_footsteps_takes_further_steps(g1_27: Rob
     assert plant.com[2] > 0.95 * walker.gait.height
 
 
+@pytest.mark.slow
+def test_a_push_on_the_last_footstep_takes_further_steps(g1_27: Robot) -> None:
+    """10 N s on 33 kg: the robot halted on its last footstep all the same, and fell."""
+    walker, plant = Walker(g1_27), Plant(g1_27)
+    w = walker.gait.width
+    sides = [("right", -w), ("left", w)] * 2
+    walker.follow([Footstep(foot, 0.2, y) for foot, y in sides], plant.snapshot(), relative=True)
+    while not (walker.steps == 3 and isinstance(walker.phase, SingleSupport)):
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+    plant.push("torso_link", (0.0, -100.0, 0.0), start=plant.time + 0.15, duration=0.1)
+    simulated(walker, plant, 2)
+    assert len(walker.landings) == 4
+
+
 def test_footsteps_are_not_taken_from_another_robot(g1_27: Robot, hoap2: Robot) -> None:
     walker, other = Walker(hoap2), g1_27
     snapshot = other.snapshot(other.posture("standing"))

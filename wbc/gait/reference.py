@@ -221,15 +221,15 @@ class StepPlanner:
     def can_halt(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> bool:
-        """Return whether a commanded stop can end the walk at this touch-down.
+        """Return whether the walk can end at this touch-down, at a stop or on the last footstep.
 
-        Before the last of prescribed footsteps only where the DCM is over the soles: it may be on
-        its way to the next one.
+        On prescribed footsteps it can where the DCM is over the soles: it may be on its way to the
+        next one, or pushed beyond them.
         """
         if phase.given:
             hull = convex_hull(np.concatenate(list(self._corners(now, SOLE_SHARE).values())))
             dcm = np.array((now.dcm.real, now.dcm.imag))
-            return len(phase.given) == 1 or bool(polygon_margin(hull, dcm) >= 0.0)
+            return bool(polygon_margin(hull, dcm) >= 0.0)
         start, place = now.place(phase.support), now.place(other(phase.support))
         nominal = start + self.footsteps.step(phase.support, heading, velocity)
         return velocity.at_rest and abs(place - nominal) < HALT_DISTANCE
