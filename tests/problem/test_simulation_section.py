@@ -209,7 +209,7 @@ MISTAKES = [
     ("duration: 0.3", "physics_dt: 0.0015", "controller.dt: 0.002 s is no multiple of simul"),
     ("duration: 0.3", "sensors: {delay: 0.0005}", "simulation.sensors.delay: 0.0005 s is no mult"),
     ("duration: 0.3", "sensors: {nois: 1}", "simulation.sensors.nois: unknown key"),
-    ("duration: 0.3", "sensors: {dropout: 2}", "simulation.sensors: "),
+    ("duration: 0.3", "sensors: {dropout: 2}", "simulation.sensors.dropout: "),
     ("duration: 0.3", "model_error: {mass: 0}", "simulation.model_error: "),
     ("duration: 0.3", "falls: {trunk: bse}", "falls.trunk: unknown frame 'bse'; did you mean"),
     ("duration: 0.3", "falls: {lifted: right}", "falls.lifted: the right foot stands at the start"),

@@ -97,9 +97,9 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
     ("overrides", "said"),
     [
         ({"gait.single": 0}, "gait.single: must be greater than 0, got 0"),
-        ({"gait.single": 1e-6}, "gait, single: 1e-06 s is shorter than a foot takes to bear"),
+        ({"gait.single": 1e-6}, "gait.single: 1e-06 s is shorter than a foot takes to bear"),
         ({"gait.height": 0.4}, "legs do not reach the ground"),
-        ({"gait.ramp": 0.3}, "ramp: 0.3 s is longer than the double support"),
+        ({"gait.ramp": 0.3}, "gait.ramp: 0.3 s is longer than the double support"),
         ({"gait.commands": []}, "gait.commands: empty; it needs at least one entry"),
         ({"gait.commands": [{"at": 0.5}, {"at": 0.5}]}, "commands[1].at: comes after the one at"),
         ({"gait.commands": [{"at": 9}]}, "is given after the end of the simulation (1.2 s)"),

@@ -76,12 +76,22 @@ class Mistakes:
         raise self._error()
 
     def note(self, path: KeyPath, error: WbcError | str) -> None:
-        """Note a mistake, or its text; an unknown name is searched at and below ``path``."""
+        """Note a mistake, or its text; an unknown name is searched at and below ``path``.
+
+        A text that begins with the section and one of its keys, such as "gait, height: ", is a
+        mistake in that key.
+        """
+        text, here = str(error), self.source.at(path)
         if isinstance(error, Misplaced):
             path = (*path, *error.below)
         elif isinstance(error, UnknownNameError):
             path = self.source.find(error.name, path)
-        self._found.append((path, str(error)))
+        elif path and isinstance(here, dict):
+            section, _, rest = text.partition(", ")
+            key, colon, said = rest.partition(": ")
+            if section == path[-1] and key in here and colon:
+                path, text = (*path, key), said
+        self._found.append((path, text))
 
 
 def read_section(section: type[SectionT], source: Source) -> SectionT:
