@@ -60,6 +60,30 @@ def test_a_root_without_mass_stands() -> None:
     assert not tick.relaxed and float(np.abs(tick.acceleration).max()) < 0.1
 
 
+def test_contacts_that_legs_cannot_hold_independently_are_told(
+    g1: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Legs without an ankle's roll: where soles drift, torques of an H1 reached 450 N m."""
+    parts, sole = [urdf.link("trunk")], urdf.collision('box size="0.2 0.08 0.04"')
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        above = "trunk"
+        for name, axis, z in (("r", "1 0 0", 0), ("p", "0 1 0", 0), ("k", "0 1 0", -0.3),
+                              ("a", "0 1 0", -0.3)):  # fmt: skip
+            below = f"{side}_foot" if name == "a" else f"{side}_{name}_link"
+            place = f"0 {y if name == 'r' else 0} {z}"
+            parts.append(urdf.link(below, sole if name == "a" else ""))
+            parts.append(urdf.joint(f"{side}_{name}", above, below, at=place, axis=axis))
+            above = below
+    robot = Robot.load(urdf.robot("no ankle roll", *parts))
+    for one, kind, told in ((robot, wbc.Contact, True), (robot, wbc.LineContact, False),
+                            (g1, wbc.Contact, False)):  # fmt: skip
+        caplog.clear()
+        s = one.snapshot(one.posture())
+        contacts = [kind.hold(s, foot.frame) for foot in one.feet.values()]
+        wbc.TorqueController(one, [wbc.PostureTask(one, s.q)], contacts=contacts).step(s)
+        assert ("left_sole rx" in caplog.text and "LineContact" in caplog.text) is told
+
+
 @pytest.mark.parametrize("weight", [1.0, 0.01])
 def test_a_bolted_arm_with_gears_does_not_sag(weight: float) -> None:
     """Forces in its bolts and gears cost nothing: its motion determines them, and it let go."""

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from wbc.constraints.contact import Contact
+from wbc.constraints.independent_rows import independent_rows
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
@@ -15,7 +17,7 @@ from wbc.constraints.validation import check_rows
 from wbc.controllers.competing_tasks import competing_tasks
 from wbc.controllers.contact_forces import displaced
 from wbc.controllers.slack import NO_SLACK, Slacks
-from wbc.errors import InvalidInputError, shown
+from wbc.errors import InvalidInputError, listed, shown
 from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
@@ -36,6 +38,9 @@ FAR_OUTSIDE = 0.2  # rad, m: more than any joint's calibration error
 # m, rad: farther than a robot comes in a task, and two turns of a joint; numbers of mm and degrees
 # are usually more.
 FAR_LENGTH, FAR_ANGLE = 25.0, 4.0 * np.pi
+# Least singular value of the rows of all contacts, relative to the largest: 0.016 and more on legs
+# of six joints, straight ones too. And the least part that a row is named for.
+DEPENDENT, LARGE_PART = 1e-3, 0.2
 DEFAULT_LAW = VelocityLaw()
 # Of the velocity and the torque level: the gains it ignores, its name, the gains it uses.
 LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
@@ -121,6 +126,30 @@ def warn_forceless(tasks: Sequence[ForceTask], contacts: Sequence[Task]) -> None
                 " no effect there (contacts: %s)",
                 *(task, ", ".join(absent), ", ".join(held) or "none"),
             )
+
+
+def warn_dependent(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
+    """Warn of contacts whose rows are dependent: legs cannot move the soles against each other so.
+
+    As of two soles on legs without a joint that rolls them, or turns them.
+    """
+    held = independent_rows([one for one in contacts if isinstance(one, Contact)])
+    if len(held.contacts) < 2:
+        return
+    jacobians = [one.residual(snapshot).jacobian for one in held.contacts]
+    chosen = zip(jacobians, held.row_selections, strict=True)
+    J = np.concatenate([rows if own is None else rows[own] for rows, own in chosen])
+    combinations, sizes, _ = np.linalg.svd(J)
+    if len(J) <= J.shape[1] and sizes[-1] > DEPENDENT * sizes[0]:
+        return
+    parts = np.abs(combinations[:, -1])
+    rows = [label for label, part in zip(held.labels, parts, strict=True) if part > LARGE_PART]
+    logging.getLogger(__name__).warning(
+        "controller: the joints of %s cannot move %s independently, as its contacts ask: where the"
+        " ground yields a little, accelerations and torques are huge. Hold less, such as soles that"
+        " legs cannot roll by a LineContact (type: line)",
+        *(snapshot.robot.name, listed(rows, 8)),
+    )
 
 
 def warn_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:

@@ -268,6 +268,8 @@ class Controller(DeclaredAttributes, ABC):
                 checks.warn_far_targets(self._motion, tick.errors)
             checks.warn_displaced(snapshot, self.contacts)
             checks.warn_forceless(self._force_tasks, self.contacts)
+            if self._decides_forces:
+                checks.warn_dependent(snapshot, self.contacts)
         elif (
             number >= COMPETING_CHECK_FROM
             and tick.ok
