@@ -72,9 +72,8 @@ def test_costs_are_those_declared(hoap2: Robot, rng, bounded: bool) -> None:
     contacts = [BoltedBase(hoap2), Contact.hold(here, "left_sole")]
     damping = rng.uniform(1.0, 2.0, nv)
     decision = Decision.velocity(hoap2, damping).extended(
-        [f"force {k}" for k in range(FORCES)], np.zeros(FORCES), np.full(FORCES, np.inf),
-        np.full(FORCES, 0.5),
-    )  # fmt: skip
+        [f"force {k}" for k in range(FORCES)], np.full(FORCES, 0.5)
+    )
     physics_names = tuple(f"dynamics {k}" for k in range(6))
     plan = LevelPlan.of(decision, [PostureTask(hoap2, here.q)], contacts, Slacks({}, contacts, ()),
                    physics_names)  # fmt: skip
