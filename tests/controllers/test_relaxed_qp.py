@@ -41,8 +41,8 @@ def qp_of(plan: LevelPlan, tasks, equalities, rows: Bounds | None, box, rest) ->
         P, g, **given,
         A=np.vstack([np.zeros((0, decision.size)), *(wide(row.matrix) for row in equalities)]),
         b=np.concatenate([np.zeros(0), *(row.target for row in equalities)]),
-        lower=np.concatenate((box[0], decision.lower)),
-        upper=np.concatenate((box[1], decision.upper)),
+        lower=np.concatenate((box[0], np.zeros(decision.size - decision.nv))),  # of forces
+        upper=np.concatenate((box[1], np.full(decision.size - decision.nv, np.inf))),
     )  # fmt: skip
     return qp._replace(labels=Labels(plan.labels[0].equality, names, decision.names))
 
