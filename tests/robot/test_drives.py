@@ -102,6 +102,8 @@ def test_numbers_and_patterns_go_over_the_file(leg: Path) -> None:
     assert not np.any(robot.model.armature[:6])
     locked = Robot.load(leg, locked={"hip": 0.1}, armature={"ankle": 0.4})
     np.testing.assert_array_equal(locked.armature, [0.07, 0.4])
+    above = {str(f.name): str(locked.model.frames[f.parentFrame].name) for f in locked.model.frames}
+    assert (above["hip"], above["thigh"], above["knee"]) == ("trunk", "hip", "thigh")
     again = pickle.loads(pickle.dumps(robot))
     for one in ("armature", "damping", "friction"):
         np.testing.assert_array_equal(getattr(again, one), getattr(robot, one))

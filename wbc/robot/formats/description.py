@@ -277,6 +277,10 @@ def reduced_model(model: pin.Model, locked: Iterable[str], reference: Array) -> 
             frame.name = f"{k}\n"
     ids = [model.getJointId(name) for name in locked]
     found = pin.buildReducedModel(plain, ids, reference)
+    for k, frame in enumerate(found.frames):
+        if frame.parentFrame == k > 0:  # Pinocchio hangs the frames of locked joints on themselves
+            above = plain.frames[plain.getFrameId(frame.name)].parentFrame
+            frame.parentFrame = found.getFrameId(plain.frames[above].name)
     for frame in found.frames:
         frame.name = names.get(str(frame.name), str(frame.name))
     return found
