@@ -127,10 +127,8 @@ def arm_levers(robot: Robot, snapshot: Snapshot, shoulder: str, forearm: str) ->
         Frames at the shoulder and at the elbow; all links behind their joints move with them.
     """
     rotations, origins = snapshot.joint_placements
-    model, (upper_joint, elbow) = (
-        robot.model,
-        (robot.frame(n).parentJoint for n in (shoulder, forearm)),
-    )
+    model = robot.model
+    upper_joint, elbow = (robot.frame(name).parentJoint for name in (shoulder, forearm))
     places = [snapshot.position(name) for name in (shoulder, forearm)]
     distal = set(model.subtrees[elbow])
     mass, moments = 0.0, np.zeros((2, 3))

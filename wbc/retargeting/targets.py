@@ -59,7 +59,8 @@ class Targets:
     feet:
         Paths of the soles.
     human_com:
-        The human's CoM, scaled, before it was moved for balance and reach (n, 3) [m].
+        The human's CoM, scaled, before it was moved for balance, reach and arms of another mass
+        (n, 3) [m].
     cop:
         Of the targets, inside the feet that stand (n, 2) [m]; NaN in the air.
     notes:
@@ -207,8 +208,8 @@ def _scaled_com(
 def _arm_rise(source: HumanFrames, setup: RobotSetup, scale: MotionScale) -> Array:
     """Return what the robot's arms raise its CoM more than the human's, scaled, do (n,) [m].
 
-    A robot with light arms would have to stretch its legs to raise its CoM as far by raising them:
-    it would crouch wherever they hang.
+    Without it a robot with heavy arms would bend its knees while it raises them, and one with light
+    arms wherever they hang.
     """
     rise = np.zeros(len(source))
     for side, arms in source.arms.items():
