@@ -63,6 +63,15 @@ def cos_sin_to_angles(table: MotionTable, robot: Robot) -> MotionTable:
     return MotionTable(table.source, tuple(columns), values, table.lines)
 
 
+def kept_columns(table: MotionTable, ignore: Sequence[str]) -> list[int]:
+    """Return the columns that match none of the shell-style patterns to ignore."""
+    return [
+        k
+        for k, header in enumerate(table.columns)
+        if not any(fnmatchcase(header, pattern) for pattern in ignore)
+    ]
+
+
 def read_columns(
     table: MotionTable, robot: Robot, ignore: Sequence[str], degrees: bool
 ) -> tuple[dict[str, int], Array]:
@@ -92,9 +101,8 @@ def read_columns(
     turning = dict(zip(robot.joint_names, revolute_joints(robot), strict=True))
     known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *turning}
     where, values = dict[str, int](), table.values.copy()
-    for k, header in enumerate(table.columns):
-        if any(fnmatchcase(header, pattern) for pattern in ignore):
-            continue
+    for k in kept_columns(table, ignore):
+        header = table.columns[k]
         if not header:
             if np.isnan(values[:, k]).all():  # every line ends with a delimiter
                 continue

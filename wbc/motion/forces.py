@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.motion.columns import kept_columns
 from wbc.motion.table import NUMBERS, MotionTable, RecordingError, read_recorded
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
+from wbc.tasks.force_task import WRENCH
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 PREFIX = "forces/"
-WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ def read_forces(
     if path.suffix.lower() == ".npz":
         arrays = read_recorded(path, lambda _: feet.keys(), lambda _: NUMBERS)
     else:
-        used = (one for one in table.columns if not any(fnmatchcase(one, each) for each in ignore))
-        where = {header.partition(" [")[0]: table.columns.index(header) for header in used}
+        kept = reversed(kept_columns(table, ignore))  # of columns of one name the first
+        where = {table.columns[k].partition(" [")[0]: k for k in kept}
         named = {foot: [f"{foot}/{row}" for row in WRENCH] for foot in feet}
         arrays = {
             foot: table.values[:, [where[name] for name in names]]

@@ -24,10 +24,10 @@ from wbc.files import ending_of, write_whole
 from wbc.retargeting import Retargeted
 from wbc.robot import Robot, Snapshot
 from wbc.run.history import History
+from wbc.tasks.force_task import WRENCH
 from wbc.validate import Array
 
 WORLD, NANO = "world", 1_000_000_000
-WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 XYZ, XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 TRANSFORMS = "foxglove.FrameTransforms"
 

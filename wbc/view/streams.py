@@ -25,10 +25,10 @@ from wbc.extras import require
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes
+from wbc.tasks.force_task import WRENCH
 from wbc.validate import Array
 from wbc.view.mcap_export import (
     NANO,
-    WRENCH,
     XYZ,
     Topic,
     numbers,
