@@ -12,11 +12,13 @@ from wbc.errors import SolverError
 from wbc.native import doubles, lib, pointer
 from wbc.validate import Array
 
-SPAN = 3  # frames ahead that one is coupled with
+# Rows couple a frame with the next two, and each coordinate's differences it with its own value
+# three frames ahead, too.
+SPAN = 3
 
 
 class NormalEquations:
-    """Sums of squares in displacements (n, nv) of n frames, each coupled with the next three.
+    """Sums of squares in displacements (n, nv) of n frames, each coupled with the next ones.
 
     Attributes
     ----------
@@ -26,11 +28,11 @@ class NormalEquations:
 
     def __init__(self, count: int, nv: int) -> None:
         # LAPACK's lower band by columns: entry (i, j) of the matrix is [j, i - j].
-        self._band = np.zeros((count, nv, (SPAN + 1) * nv))
+        self._band = np.zeros((count, nv, SPAN * nv + 1))
         self.gradient = np.zeros((count, nv))
 
     def add(self, *parts: Array, errors: Array) -> None:
-        """Add A_k d_k + B_k d_k+1 + ..., parts A, B, ... (m, r, nv), errors (m, r)."""
+        """Add A_k d_k + B_k d_k+1 + ..., up to three parts A, B, ... (m, r, nv), errors (m, r)."""
         (count, rows, nv), span = parts[0].shape, len(parts)
         J = np.empty((count, rows, span, nv))
         for k, part in enumerate(parts):
