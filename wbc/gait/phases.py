@@ -25,6 +25,9 @@ from wbc.validate import Array
 DESCENT = 0.16
 
 
+Place = tuple[float, float, float]
+
+
 class GaitState(NamedTuple):
     """The state that the gait is planned from.
 
@@ -39,14 +42,14 @@ class GaitState(NamedTuple):
     dcm:
         With the velocity above, as x + i y [m].
     places, rotations:
-        Of the soles, by foot: (3,) [m] and (3, 3).
+        Of the soles, by foot: x, y, z [m], as numbers, and (3, 3).
     pressure_offset:
         Offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted back by it, so
         that a walk is planned as if the CoP were at their middles.
     """
 
     dcm: complex
-    places: dict[str, Array]
+    places: dict[str, Place]
     rotations: dict[str, Array]
     pressure_offset: float = 0.0
 
@@ -56,15 +59,18 @@ class GaitState(NamedTuple):
         lx, ly, _, kx, ky, _ = snapshot.momentum.tolist()
         x, y, _ = snapshot.com.tolist()
         velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
-        places: dict[str, Array] = {}
+        places: dict[str, Place] = {}
         rotations: dict[str, Array] = {}
         for foot, frame in frames.items():
-            places[foot], rotations[foot] = snapshot.placement(frame)
+            place, rotations[foot] = snapshot.placement(frame)
+            px, py, pz = place.tolist()
+            places[foot] = px, py, pz
         return cls(complex(x, y) + velocity / omega, places, rotations)
 
     def place(self, foot: str) -> complex:
         """Return where a foot stands, as x + i y [m]."""
-        return in_plane(self.places[foot])
+        x, y, _ = self.places[foot]
+        return complex(x, y)
 
     def pose(self, foot: str) -> Array:
         """Return x, y, yaw and z of a foot (4,) [m, rad]."""
@@ -73,7 +79,7 @@ class GaitState(NamedTuple):
     @property
     def middle(self) -> Array:
         """Between the feet (3,) [m]."""
-        return np.asarray(0.5 * (self.places["left"] + self.places["right"]))
+        return np.asarray(0.5 * np.add(self.places["left"], self.places["right"]))
 
     @property
     def normal(self) -> Array:
@@ -133,7 +139,7 @@ class SingleSupport(NamedTuple):
         ``half`` (2,) are the half sizes of the stance sole [m]; ``crossing`` is the path over
         edges, if there are any.
         """
-        pose, stands = now.pose(foot), float(now.places[other(foot)][2])
+        pose, stands = now.pose(foot), now.places[other(foot)][2]
         descent = DESCENT * gait.height * gait.omega
         lands, sole, level, single = normal, None, None, gait.single
         if given:
@@ -164,7 +170,7 @@ class SingleSupport(NamedTuple):
 Phase = Standing | DoubleSupport | SingleSupport
 
 
-def sole_pose(place: Array, rotation: Array) -> Array:
+def sole_pose(place: Place | Array, rotation: Array) -> Array:
     """Return x, y, yaw and z (4,) [m, rad]."""
     return np.array((place[0], place[1], yaw_of(rotation), place[2]))
 
@@ -187,11 +193,10 @@ def next_foot(phase: Phase) -> str | None:
     return None
 
 
-def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Array:
-    """Return x, y [m] and yaw [rad] of the swing foot's landing (3,)."""
+def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Place:
+    """Return x, y [m] and yaw [rad] of the swing foot's landing."""
     turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
-    x, y = phase.goal.real, phase.goal.imag
-    return np.array((x, y, phase.given[0].yaw if phase.given else turned))
+    return phase.goal.real, phase.goal.imag, phase.given[0].yaw if phase.given else turned
 
 
 def feet_after(

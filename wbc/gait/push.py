@@ -56,7 +56,7 @@ class PushObserver(NamedTuple):
         total_x = total_y = 0.0  # M s', of the forces and of their moments about the CoM
         for foot, wrench in wrenches.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
-            x, y, z = now.places[foot].tolist()
+            x, y, z = now.places[foot]
             x, y, z = x - cx, y - cy, z - cz
             total_x += fx + (my + z * fx - x * fz) / self.height
             total_y += fy - (mx + y * fz - z * fy) / self.height

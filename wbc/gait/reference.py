@@ -113,7 +113,7 @@ class StepPlanner:
         """Return the reference in double support; ``coming`` are prescribed footsteps."""
         omega, left = self.gait.omega, max(phase.left, 0.0)
         new, old = now.places[phase.support], now.places[other(phase.support)]
-        end, ground = now.place(phase.support), float(new[2])
+        end, ground = now.place(phase.support), new[2]
         if phase.halts:
             end = last = in_plane(now.middle)
             ground = float(now.middle[2])
@@ -131,13 +131,13 @@ class StepPlanner:
         return Reference(
             vrp,
             vrp + math.exp(-omega * wait) * (dcm - vrp) if wait else dcm,
-            (1.0 - progress) * float(old[2]) + progress * ground,
+            (1.0 - progress) * old[2] + progress * ground,
             None if phase.halts else phase.level,
         )
 
     def single_support(self, phase: SingleSupport, now: GaitState) -> Reference:
         """Return the reference in single support: back in time from the planned footstep."""
-        base, ground = now.place(phase.support), float(now.places[phase.support][2])
+        base, ground = now.place(phase.support), now.places[phase.support][2]
         left = max(phase.left, 0.0)
         dcm = base + math.exp(-self.gait.omega * left) * self._departing_dcm(phase, base)
         return Reference(base, dcm, ground, phase.level, left)
@@ -191,7 +191,7 @@ class StepPlanner:
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
             step = phase.goal - now.place(phase.support)
-            ground = float(now.places[phase.support][2]) - (x * step.real + y * step.imag) / z
+            ground = now.places[phase.support][2] - (x * step.real + y * step.imag) / z
         swing = phase.swing.advance(goal, ground, phase.left, dt)
         return phase._replace(swing=swing), swing.pose()
 
@@ -306,7 +306,7 @@ class StepPlanner:
             return place + complex(a * x + b * y, c * x + d * y)
         corners = self._corners(now)
         if isinstance(phase, DoubleSupport) and phase.unloading:
-            end, old = now.places[phase.support][:2], other(phase.support)
+            end, old = np.array(now.places[phase.support][:2]), other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
             corners[old] = end + share * (corners[old] - end)
         hull = convex_hull(np.concatenate(list(corners.values())))

@@ -204,13 +204,15 @@ class SwingFoot(NamedTuple):
         still = SwingMotion.rest(height)
         return cls(level, still, height, normal, clearance, usual, descent, crossing=crossing)
 
-    def advance(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
+    def advance(
+        self, goal: tuple[float, float, float], ground: float, left: float, dt: float
+    ) -> SwingFoot:
         """Return the foot ``dt`` later; it lands at ``goal`` (x, y, yaw) after ``left`` [s].
 
         ``ground`` is the height below the goal [m].
         """
         level, rate, crossing = self.level, (1.0 - self.done) / max(left, dt), self.crossing
-        (x, y, yaw), heading = goal.tolist(), level.value.item(2)
+        (x, y, yaw), heading = goal, level.value.item(2)
         yaw = heading + math.remainder(yaw - heading, math.tau)
         end = np.array((x, y, yaw, *self.normal[:2].tolist()))
         curves = quintic(left, dt)
@@ -224,29 +226,34 @@ class SwingFoot(NamedTuple):
             pace = rate * self.usual if left >= dt else pace
         if crossing is not None:
             tip = SwingMotion(*crossing.pitch_at(done, rate))
-        moved = self._replace(level=level, done=done, pace=pace, late=late, tip=tip)
-        offset = _along(curves, self.height.minus(self._curve(ground, rate)), 0.0)
-        return moved._replace(height=offset.plus(moved._curve(ground, rate)))
+        before = self._curve(ground, rate, self.done, self.pace, self.late)
+        offset = _along(curves, self.height.minus(before), 0.0)
+        height = offset.plus(self._curve(ground, rate, done, pace, late))
+        return self._replace(level=level, height=height, done=done, pace=pace, late=late, tip=tip)
 
-    def _curve(self, ground: float, rate: float) -> SwingMotion:
+    def _curve(
+        self, ground: float, rate: float, done: float, pace: float, late: float
+    ) -> SwingMotion:
         """Return the nominal height at a ``rate`` of ``done`` [1/s]; 0 if the foot is late."""
         if rate == 0.0:
-            if not USUAL_PACES[0] <= self.pace <= USUAL_PACES[1]:
-                return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
-            speeding = min(self.late, self.descent / SPEED_UP)
+            if not USUAL_PACES[0] <= pace <= USUAL_PACES[1]:
+                return SwingMotion(ground - self.descent * late, -self.descent, 0.0)
+            speeding = min(late, self.descent / SPEED_UP)
             v = SPEED_UP * speeding
-            distance = 0.5 * v * speeding + v * (self.late - speeding)
+            distance = 0.5 * v * speeding + v * (late - speeding)
             return SwingMotion(ground - distance, -v, -SPEED_UP if v < self.descent else 0.0)
         if self.crossing is not None:
-            return SwingMotion(*self.crossing._replace(end=ground).height_at(self.done, rate))
+            return SwingMotion(*self.crossing._replace(end=ground).height_at(done, rate))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
-        return SwingMotion(*Lift(self.lifted_from, ground, clearance).at(self.done, rate))
+        return SwingMotion(*Lift(self.lifted_from, ground, clearance).at(done, rate))
 
     def pose(self) -> FootPose:
         """Return the foot's reference; rates are of first order in its tilt."""
         (x, y, yaw, nx, ny), v, a = [one.tolist() for one in self.level]
         (z, lift_rate, lift_acceleration), (tip, *tip_rates) = self.height, self.tip
-        R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)
+        R = turned(yaw)
+        if nx or ny:
+            R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ R
         twist = np.array((v[0], v[1], lift_rate, -v[4], v[3], v[2]))
         twist_rate = np.array((a[0], a[1], lift_acceleration, -a[4], a[3], a[2]))
         if tip:

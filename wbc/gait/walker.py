@@ -23,6 +23,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from operator import ge
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -228,7 +229,7 @@ class Walker:
         self._places, self._jumped = now.places, False
         self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
         self._bearing = bearing_joints(robot)
-        self._bearing_limits = AT_LIMIT * self.controller.torque_bounds[self._bearing]
+        self._bearing_limits = (AT_LIMIT * self.controller.torque_bounds[self._bearing]).tolist()
 
     if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
 
@@ -412,8 +413,7 @@ class Walker:
 
     def _notice_jump(self, snapshot: Snapshot, now: GaitState) -> None:
         """Begin anew where a standing robot was put; say so, once, if it walked."""
-        steps = [now.places[foot] - self._places[foot] for foot in SIGN]
-        moved = math.sqrt(max(float(step @ step) for step in steps))
+        moved = max(math.dist(now.places[foot], self._places[foot]) for foot in SIGN)
         if moved <= START_TOLERANCE:
             return
         if isinstance(self.phase, Standing):
@@ -462,8 +462,8 @@ class Walker:
     def _judge_strain(self) -> None:
         """Slow down if hips or knees are at their torque limits for most of the time."""
         torque, push = self.controller.last_torque, abs(self._push.push)
-        at_limit = torque is not None and bool(
-            (np.abs(torque[self._bearing]) >= self._bearing_limits).any()
+        at_limit = torque is not None and any(
+            map(ge, map(abs, torque[self._bearing].tolist()), self._bearing_limits)
         )
         self._monitor = self._monitor.update(at_limit, self.velocity.vx, push, self.dt)
         if self._monitor.is_strained:
