@@ -442,10 +442,12 @@ def test_a_mesh_is_found_as_exporters_and_mujoco_mean_it(tmp_path: Path) -> None
     cube = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
     (tmp_path / "meshes/cube.obj").write_text(cube)
     (tmp_path / "parts/other.obj").write_text(cube)
+    (tmp_path / "meshes/a cube.obj").write_text(cube)
     path, given = tmp_path / "urdf/robot.urdf", two_links(tmp_path).read_text()
     told = '<mujoco><compiler meshdir="../parts/"/></mujoco><link name="shank">'
     for name, before in (
         ("meshes/cube.obj", '<link name="shank">'),  # from the package's folder
+        ("package://robot/meshes/a%20cube.obj", '<link name="shank">'),
         ("package://robot/meshes/other.obj", told),
         ("other.obj", told),
     ):

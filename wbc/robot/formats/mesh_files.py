@@ -11,6 +11,7 @@ import os
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -79,7 +80,8 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
 
     ``package://`` and ``model://`` names are looked up in ``folders``, with and without the
     package's name (a checkout is often renamed); others are paths, relative to the URDF's folder
-    or, as exporters write some, to the package's, above it.
+    or, as exporters write some, to the package's, above it. What is not there as it is written is
+    read as a URI, ``%20`` for a space.
     """
     scheme, separator, rest = name.partition("://")
     if separator and scheme != "file":
@@ -90,7 +92,9 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
     else:
         here, inside = path.resolve().parent, rest if separator else name
         candidates = [here / inside, here.parent / inside]
-    return next((file.resolve() for file in candidates if file.is_file()), None)
+    found = next((file.resolve() for file in candidates if file.is_file()), None)
+    decoded = unquote(name)
+    return found if found or decoded == name else find_mesh(decoded, path, folders)
 
 
 def is_lfs_pointer(path: Path) -> bool:
