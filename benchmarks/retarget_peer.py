@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 import wbc
-from wbc.gait.legs import SIDES, leg_joints
+from wbc.gait.legs import SIDES
 from wbc.human import HumanMotion
 from wbc.retargeting.pipeline import FRICTION, evaluate
 from wbc.retargeting.robot_setup import robot_setup
 from wbc.retargeting.source import human_frames
+from wbc.robot.chains import leg_joints
 from wbc.rotations import quaternion_from
 
 PYTHON = Path(__file__).resolve().parents[1] / "build" / "peers" / "mink" / "bin" / "python"

@@ -8,10 +8,11 @@ import pinocchio as pin
 import pytest
 
 from tests.conftest import load
-from wbc.constraints import Contact, LineContact
+from wbc.constraints import Contact, LineContact, support
+from wbc.constraints.sole_contacts import _tell_line, rolls
 from wbc.errors import InvalidInputError
 from wbc.gait import Velocity, Walker
-from wbc.gait.ability import bearing_torques, pressure_offset, rolls
+from wbc.gait.ability import bearing_torques, pressure_offset
 from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
@@ -124,9 +125,14 @@ def without(joint: str, half_width: float) -> Robot:
     ],
 )
 def test_feet_are_held_along_their_length_where_legs_cannot_roll_them(
-    joint: str, half_width: float, kind: type[Contact]
+    joint: str, half_width: float, kind: type[Contact], caplog: pytest.LogCaptureFixture
 ) -> None:
-    walker = Walker(without(joint, half_width))
+    robot = without(joint, half_width)
+    _tell_line.cache_clear()  # said once of each robot
+    start = robot.snapshot(robot.posture("standing"))
+    assert {type(one) for one in support(start, "double")} == {kind}
+    assert ("right_sole" in caplog.text) == (kind is LineContact)
+    walker = Walker(robot)
     assert {type(one) for one in walker.controller.contacts} == {kind}
     said = " ".join(walker.notes)
     assert ("the left leg and the right leg cannot roll the sole" in said) == (joint != "hip_yaw")

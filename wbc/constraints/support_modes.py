@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 
-from wbc.constraints.contact import DEFAULT_FRICTION, Contact, PointContact
+from wbc.constraints.contact import DEFAULT_FRICTION, Contact
 from wbc.constraints.friction import FrictionCone
-from wbc.constraints.line_contact import LineContact
+from wbc.constraints.sole_contacts import default_contact
 from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.kinds import check_word
 from wbc.robot import Robot, Snapshot
@@ -26,7 +26,8 @@ def support(
     """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
 
     Those of a robot whose base is fixed begin with its base, whatever the mode. Feet that end in
-    points or lines are held as such, see :func:`contact_kind`.
+    points or lines are held as such, and narrow soles that legs cannot roll, as an H1's, along
+    their length only, see :func:`~wbc.constraints.sole_contacts.contact_kind`.
 
     Parameters
     ----------
@@ -53,15 +54,8 @@ def support(
             "support: soles of %s face upwards; is the quaternion q[3:7] in the order x, y, z, w?",
             robot.name,
         )
-    held = (contact_kind(robot, frame).hold(snapshot, frame, friction=friction) for frame in frames)
+    held = (default_contact(robot, one).hold(snapshot, one, friction=friction) for one in frames)
     return base_contact(snapshot) + tuple(held)
-
-
-def contact_kind(robot: Robot, frame: str) -> type[Contact]:
-    """Return the contact that a frame makes: a point or a line if it is the sole of such a foot."""
-    corners = (len(foot.polygon) for foot in robot.feet.values() if foot.frame == frame)
-    kinds: dict[int, type[Contact]] = {1: PointContact, 2: LineContact}
-    return kinds.get(next(corners, 0), Contact)
 
 
 def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:

@@ -6,26 +6,18 @@ import logging
 import math
 
 import numpy as np
-from scipy.linalg import null_space
 
-from wbc.constraints.contact import Contact
 from wbc.constraints.line_contact import LineContact
 from wbc.constraints.mechanics import BoltedBase, mechanics_of
-from wbc.constraints.support_modes import contact_kind
+from wbc.constraints.sole_contacts import contact_kind, rolls
 from wbc.errors import listed
-from wbc.gait.legs import SIDES, knee_of, leg_joints
+from wbc.gait.legs import SIDES, knee_of
 from wbc.robot import Snapshot
+from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
-# Legs can roll a sole if the remaining motions turn it about its length by this at least [rad per
-# rad, norm]. Singular values below NULL_SPACE_RCOND of the largest are no motion: straight knees
-# let the hip lean by less than the roll needs, until they bend.
-MIN_ROLL, NULL_SPACE_RCOND = 0.1, 2e-2
-# A sole wider than this part of the CoM's height stays flat, and is modelled so: a small humanoid
-# of 0.23 without ankle roll walks aside and falls if its soles are taken for lines.
-NARROW_SOLE = 0.2
 # Dry friction above this part of a joint's torque disturbs the swing. At a quarter a small humanoid
 # with servos walks half as fast as commanded.
 FRICTION_SHARE = 0.1
@@ -33,30 +25,6 @@ FRICTION_SHARE = 0.1
 # the CoP for that, in half lengths of the sole; and smallest change of the torque with the offset
 # [weight]: a roll joint's is smaller.
 ANKLE_SHARE, MAX_OFFSET, MIN_SLOPE = 0.5, 0.5, 0.25
-
-
-def contact_of(posture: Snapshot, side: str) -> type[Contact]:
-    """Return the contact type of a foot in a walk: a line if a narrow sole cannot be rolled."""
-    foot = posture.robot.feet[side]
-    height = float(posture.com[2] - posture.position(foot.frame)[2])
-    is_narrow = float(np.ptp(foot.polygon[:, 1])) < NARROW_SOLE * height
-    stiff = is_narrow and not rolls(posture, side)
-    return LineContact if stiff else contact_kind(posture.robot, foot.frame)
-
-
-def rolls(posture: Snapshot, side: str) -> bool:
-    """Return whether a leg's own joints can roll its sole about its length, all else fixed.
-
-    Legs of five joints without ankle roll hold their soles level only below the hip: in the frontal
-    plane they are pendulums on a line.
-    """
-    robot = posture.robot
-    frame = robot.feet[side].frame
-    columns = [int(robot.model.idx_vs[joint]) for joint in leg_joints(robot, side)]
-    R, J = posture.rotation(frame), posture.jacobian(frame)[:, columns].reshape(2, 3, -1)
-    rows = (R.T @ J).reshape(6, -1)  # in the sole's axes
-    motions = null_space(np.delete(rows, 3, axis=0), rcond=NULL_SPACE_RCOND)
-    return bool(motions.size) and float(np.linalg.norm(rows[3] @ motions)) > MIN_ROLL
 
 
 def pressure_offset(posture: Snapshot, effort: Array) -> float:
@@ -106,7 +74,7 @@ def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0)
     notes = []
     stiff = [f"the {side} leg" for side in SIDES if not rolls(posture, side)]
     if stiff:
-        line = any(contact_of(posture, side) is LineContact for side in SIDES)
+        line = any(contact_kind(posture, robot.feet[side].frame) is LineContact for side in SIDES)
         notes.append(
             f"{' and '.join(stiff)} cannot roll the sole"
             f"{', which is held along its length only (LineContact)' if line else ''}: it may stand"

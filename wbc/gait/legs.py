@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
+from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, Snapshot, check_robot
 from wbc.robot.postures import STANDING
@@ -169,14 +170,6 @@ def check_walker(robot: Robot) -> None:
         raise InvalidInputError(f"walker: the base of {robot.name} is fixed; load it floating")
 
 
-def leg_joints(robot: Robot, side: str) -> list[int]:
-    """Return Pinocchio's indices of the joints that move this foot and not the other one."""
-    ends = {foot: robot.frame(robot.feet[foot].frame).parentJoint for foot in SIDES}
-    chains = {foot: chain_to(robot, joint) for foot, joint in ends.items()}
-    other = chains[SIDES[side == SIDES[0]]]
-    return [joint for joint in chains[side] if joint not in other]
-
-
 def bearing_joints(robot: Robot) -> Array:
     """Return the indices among the joints' torques (k,) of hips and knees."""
     joints = list[int]()
@@ -184,11 +177,6 @@ def bearing_joints(robot: Robot) -> Array:
         leg = leg_joints(robot, side)
         joints += leg[: leg.index(knee_of(robot, side)) + 1]
     return np.array([robot.model.idx_vs[joint] - BASE_NV for joint in joints])
-
-
-def chain_to(robot: Robot, joint: int) -> list[int]:
-    """Return Pinocchio's indices of the joints from the base to one, without the base's."""
-    return [int(one) for one in robot.model.supports[joint] if one > 1]
 
 
 def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:

@@ -12,13 +12,15 @@ import numpy as np
 from wbc.constraints import Contact, Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
+from wbc.constraints.sole_contacts import contact_kind
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
-from wbc.gait.ability import contact_of, leg_limits, pressure_offset
+from wbc.gait.ability import leg_limits, pressure_offset
 from wbc.gait.crouch import walking_posture
-from wbc.gait.legs import SIDES, Legs, leg_joints
+from wbc.gait.legs import SIDES, Legs
 from wbc.gait.swing import FootPose, SwingMotion, turned
 from wbc.robot import Robot, Snapshot
+from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
@@ -147,7 +149,9 @@ class WholeBody:
         posture = walking_posture(start, height)
         self.bends = not np.array_equal(posture, start.q)
         bent = robot.snapshot(posture)
-        self._contact_types = {foot: contact_of(bent, foot) for foot in self._frames}
+        self._contact_types = {
+            foot: contact_kind(bent, frame) for foot, frame in self._frames.items()
+        }
         self._prescribed_weight = w.swing
         self._edge_weight = w.swing * np.array((1.0, 1.0, EDGE_HEIGHT_FACTOR, 1.0, 1.0, 1.0))
         self.set_swing_weights(w.swing, w.lift)

@@ -12,7 +12,8 @@ from pydantic_core import PydanticCustomError
 from wbc.constraints import Contact, LineContact, PointContact, support
 from wbc.constraints.contact import DEFAULT_FRICTION
 from wbc.constraints.friction import MOST_FACETS, FrictionCone
-from wbc.constraints.support_modes import base_contact, contact_kind, feet_of, sole_or_frame
+from wbc.constraints.sole_contacts import default_contact
+from wbc.constraints.support_modes import base_contact, feet_of, sole_or_frame
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
@@ -148,7 +149,7 @@ def contacts_of(
             raise Misplaced(f"frame {frame!r} is named twice", k)
     kinds = {"fixed": Contact, "point": PointContact, "line": LineContact}
     held = (
-        (kinds[one.type] if one.type else contact_kind(robot, frame)).hold(
+        (kinds[one.type] if one.type else default_contact(robot, frame)).hold(
             snapshot, frame, **one.settings(friction)
         )
         for one, frame in zip(wanted, frames, strict=True)

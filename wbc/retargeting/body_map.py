@@ -9,8 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.gait.legs import SIDES, bending_joint, chain_to, check_walker, leg_joints
+from wbc.gait.legs import SIDES, bending_joint, check_walker
 from wbc.robot import Robot, Snapshot
+from wbc.robot.chains import chain_to, leg_joints
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, by_name, read_only

@@ -16,14 +16,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.gait.ability import rolls
+from wbc.constraints.sole_contacts import rolls
 from wbc.gait.footsteps import SIGN
-from wbc.gait.legs import SIDES, Legs, leg_joints
+from wbc.gait.legs import SIDES, Legs
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
 from wbc.retargeting.cop_correction import SupportedFrames, supports
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
+from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 

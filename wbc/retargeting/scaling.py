@@ -11,10 +11,11 @@ import numpy as np
 from wbc.constraints import Limits, support
 from wbc.controllers.kinematic import KinematicController
 from wbc.errors import InvalidInputError, shown
-from wbc.gait.legs import SIDES, Legs, leg_joints
+from wbc.gait.legs import SIDES, Legs
 from wbc.human import HumanMotion
 from wbc.retargeting.body_map import BodyMap
 from wbc.robot import Robot, Snapshot
+from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
 from wbc.validate import Array, finite_number

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.gait.legs import SIDES, leg_joints
+from wbc.gait.legs import SIDES
 from wbc.retargeting.cop_correction import (
     cop_displacement,
     least_com_displacement,
@@ -20,6 +20,7 @@ from wbc.retargeting.robot_setup import RobotSetup
 from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
+from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.spatial import vech_inverse
 from wbc.validate import Array
