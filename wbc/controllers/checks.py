@@ -140,9 +140,10 @@ def warn_dependent(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
     chosen = zip(jacobians, held.row_selections, strict=True)
     J = np.concatenate([rows if own is None else rows[own] for rows, own in chosen])
     combinations, sizes, _ = np.linalg.svd(J)
-    if len(J) <= J.shape[1] and sizes[-1] > DEPENDENT * sizes[0]:
+    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes[0]))
+    if rank == len(J):
         return
-    parts = np.abs(combinations[:, -1])
+    parts = np.linalg.norm(combinations[:, rank:], axis=1)
     rows = [label for label, part in zip(held.labels, parts, strict=True) if part > LARGE_PART]
     logging.getLogger(__name__).warning(
         "controller: the joints of %s cannot move %s independently, as its contacts ask: where the"
