@@ -219,6 +219,7 @@ class StateEstimator:
 
     def _process(self, m: Measurement) -> Estimate | None:
         core, sample, present = self.core, self._sample, self._imu_present
+        sample.loads = self._load_shares(m)  # first: a message that is refused leaves nothing
         self._dropped = 0
         if self._last is not None and self.settings.history:
             self._history.append((m, core.memory()))
@@ -234,7 +235,6 @@ class StateEstimator:
         sample.positions = doubles(m.positions)
         sample.velocities = ffi.NULL if m.velocities is None else doubles(m.velocities)
         sample.torques = ffi.NULL if m.torques is None else doubles(m.torques)
-        sample.loads = self._load_shares(m)
         out = np.empty(core.out)
         status = lib.wbc_estimator_update(core.struct, sample, doubles(out))
         if status == lib.STANDING:
