@@ -11,6 +11,7 @@ import sys
 import textwrap
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -364,6 +365,61 @@ def test_commands_that_cannot_be_sent_stop_it(rig: Rig) -> None:
     rig.bus.refuses = True
     rig.cycles(0.1)
     assert rig.safety.mode is Mode.STOP and rig.safety.counts[Fault.BUS_FAILED]
+
+
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), BusError("unplugged")])
+def test_a_bus_that_fails_stops_it_in_words(
+    error: Exception, rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors of a bus of one's own ended the loop without its log, its controller left behind."""
+
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(rig.bus, "read", fail)
+    rig.cycles(0.05)
+    assert rig.safety.mode is Mode.STOP and rig.bus.command.is_passive
+    assert any(str(error) in event.what for event in rig.safety.events)
+    monkeypatch.setattr(rig.bus, "write", fail)
+    rig.loop._shut_down()
+    assert rig.safety.counts[Fault.BUS_FAILED] == 0 and "gone" in rig.loop.result().reason
+
+
+def test_an_error_of_an_operator_leaves_a_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig(log=tmp_path / "log.npz")
+    rig.start()
+    monkeypatch.setattr(rig.loop._operator, "wish", lambda status: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        rig.loop.run(most=1.0)
+    result = rig.loop.result()
+    assert "ZeroDivisionError: division by zero" in result.reason and result.logs
+    assert rig.bus.command.is_passive and rig.safety.mode is Mode.STOP
+
+
+def test_words_are_wishes_and_others_are_refused(rig: Rig) -> None:
+    """Any text that is no Wish was taken for quit: "stop" did not stop."""
+    rig.wanted += ["dance", "stop"]  # type: ignore[list-item]
+    rig.cycle()
+    assert rig.safety.mode is Mode.RUNNING and "'dance'" in rig.safety.events[-1].what
+    rig.cycle()
+    assert rig.safety.mode is Mode.STOP and not rig.loop._state.ended
+
+
+def test_readings_may_be_lists_and_their_numbers_of_any_kind_of_integer(rig: Rig) -> None:
+    """As drivers make them; differences of unsigned numbers wrapped around, and nothing was old."""
+    names = ("position", "velocity", "torque", "temperature")
+    names += ("quaternion", "angular_velocity", "specific_force")
+
+    def listed(r: Reading, since: int, memory: object) -> list[Reading]:
+        lists = {name: getattr(r, name).tolist() for name in names}
+        number = np.uint32(max(r.sequence - since % 2, 0))
+        return [replace(r, sequence=number, **lists)]  # type: ignore[arg-type]
+
+    rig.bus.inject(listed)
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.RUNNING and rig.safety.counts[Fault.OUT_OF_ORDER] == 25
 
 
 def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(

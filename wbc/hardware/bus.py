@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Protocol, TypeVar
@@ -74,6 +75,21 @@ class Reading:
     specific_force: Array
     stop: bool = False
     base_truth: BaseTruth | None = None
+
+    def __post_init__(self) -> None:
+        for name in _ROWS:
+            given = getattr(self, name)
+            if not isinstance(given, np.ndarray):  # lists, as drivers make them
+                with suppress(TypeError, ValueError):  # what is no row of numbers is found later
+                    object.__setattr__(self, name, np.asarray(given, dtype=float))
+        if isinstance(self.sequence, np.integer):  # whose differences wrap around
+            object.__setattr__(self, "sequence", int(self.sequence))
+
+
+_ROWS = (
+    *("position", "velocity", "torque", "temperature"),
+    *("quaternion", "angular_velocity", "specific_force"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,14 +193,20 @@ class Bus(Protocol):
     """Number of dropped messages, by reason."""
 
     def read(self) -> Reading | None:
-        """Return the newest reading since the last call; None without any. It never blocks."""
+        """Return the newest reading since the last call; None without any. It never blocks.
+
+        Raises
+        ------
+        BusError, OSError
+            The system refuses: the loop takes that as no reading.
+        """
 
     def write(self, command: Command) -> None:
         """Send a command; it never blocks.
 
         Raises
         ------
-        BusError
+        BusError, OSError
             The system refuses.
         """
 

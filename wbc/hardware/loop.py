@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import Bus, BusError, Command, Reading
 from wbc.hardware.log_row import log_fields, log_row
 from wbc.hardware.loop_result import HANGS, LoopResult, is_fault
@@ -27,6 +27,7 @@ from wbc.hardware.robot_controller import RobotController
 from wbc.hardware.safety import Event, Fault, ForbiddenTransition, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fork
+from wbc.kinds import one_of
 from wbc.validate import Array, finite_number
 
 PERIOD = 0.002  # s: of cycles
@@ -173,6 +174,10 @@ class HardwareLoop:
                         self._state.ended = f"{most:g} s are over"
             except KeyboardInterrupt:
                 self._state.ended = "interrupted"
+            except Exception as error:  # of an operator, or a bus: its log tells what was before
+                self._state.ended = f"{type(error).__name__}: {error}"
+                self._state.log_time = self._state.time
+                raise
             finally:
                 self._shut_down()
         return self.result(notes)
@@ -248,8 +253,12 @@ class HardwareLoop:
     def _read(self, time: float) -> Reading | None:
         """Return the new reading, if there is a usable one."""
         state, safety = self._state, self.safety
-        message = self.bus.read()
         fresh: Reading | None = None
+        message, why = None, ""
+        try:
+            message = self.bus.read()
+        except (BusError, OSError) as error:  # as without any: silence has its answer
+            why = f": {error}"
         if message is not None:
             message = self._checks.mended(message)
             finding = self._checks.refused(message, time)
@@ -263,10 +272,12 @@ class HardwareLoop:
             self._say("the robot is heard")
             state.silence_reported = False
         elif silence > SILENCE_NOTICE and not state.silence_reported:
-            self._say(f"nothing heard for {SILENCE_NOTICE:g} s: is the robot on, and on this bus?")
+            self._say(
+                f"nothing heard for {SILENCE_NOTICE:g} s{why}: is the robot on, and on this bus?"
+            )
             state.silence_reported = True
         if fresh is None and silence > SILENCE:
-            safety.report(Fault.SILENT, f"for {1e3 * silence:.0f} ms")
+            safety.report(Fault.SILENT, f"for {1e3 * silence:.0f} ms{why}")
         if silence > ROBOT_GONE and safety.mode is not Mode.IDLE and not state.ended:
             state.ended = f"the robot's side is gone: no usable reading for {1e3 * silence:.0f} ms"
         return fresh
@@ -369,7 +380,7 @@ class HardwareLoop:
         command = command.numbered(state.sequence)
         try:
             self.bus.write(command)
-        except BusError as error:
+        except (BusError, OSError) as error:
             self.safety.report(Fault.BUS_FAILED, str(error))
         state.command = command
         return command
@@ -386,7 +397,9 @@ class HardwareLoop:
         wish = self._operator.wish(status)
         try:
             if wish is not None:
-                self._grant(wish, time, is_up)
+                self._grant(Wish(one_of("wish", wish, list(Wish))), time, is_up)
+        except UnknownNameError as refusal:
+            self._report_refusal(str(refusal), time)
         except ForbiddenTransition as refusal:
             self._report_refusal(f"{wish}: {refusal}", time)
         if safety.mode is Mode.RUNNING and state.sit_deadline is not None:
