@@ -374,6 +374,8 @@ def test_what_it_cannot_be_is_a_typed_error(
         Measurement(0.0, zeros * np.nan)
     with pytest.raises(InvalidInputError, match="angular_velocity"):
         ImuReading("imu", (0.0, np.inf, 0.0), np.zeros(3))  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match=r"two readings of one IMU \(imu, imu\)"):
+        Measurement(0.0, zeros, imus=(ImuReading("imu", zeros[:3], zeros[:3]),) * 2)
     with pytest.raises(InvalidInputError, match=r"expected a Measurement of .* joints"):
         StateEstimator(hoap2).update(Measurement(0.0, np.zeros(3)))
     with pytest.raises(InvalidInputError, match="names must differ"):

@@ -101,7 +101,12 @@ class Measurement:
             if value is not None:
                 checked[key] = read_only(finite_array(f"measurement, {key}", value, positions))
         example = "ImuReading(name, angular_velocity, specific_force)"
-        checked["imus"] = list_of("measurement, imus", self.imus, ImuReading, example)
+        checked["imus"] = given = list_of("measurement, imus", self.imus, ImuReading, example)
+        if len({one.name for one in given}) < len(given):
+            names = ", ".join(one.name for one in given)
+            raise InvalidInputError(
+                f"measurement, imus: two readings of one IMU ({names}); give their mean"
+            )
         if self.contacts is not None:
             pressed = by_name("measurement, contacts", self.contacts)
             checked["contacts"] = {
