@@ -320,6 +320,15 @@ simulation: {duration: 1, wrenches: [{frame: base, force: [0, 0, -10], told: tru
 """
 
 
+BOLTED = """
+robot: {model: g1, base: fixed}
+support: floating
+tasks: {posture: {type: posture}}
+controller: {level: torque}
+simulation: {duration: 1}
+"""
+
+
 def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bus(
     tmp_path: Path, g1: Robot
 ) -> None:
@@ -331,5 +340,9 @@ def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bu
     other = profile_named("unitree_h1_2")
     with pytest.raises(InvalidInputError, match="no motor for joint waist_roll_joint"):
         loop_of(problem, other, lambda: pytest.fail("opened"), Script(1.0), forked=False)
+    bolted = problem_of(tmp_path, BOLTED)
+    assert isinstance(bolted, Problem)
+    with pytest.raises(InvalidInputError, match="has a fixed base, and the loop stands a robot up"):
+        loop_of(bolted, profile, lambda: pytest.fail("opened"), Script(1.0), estimator="truth")
     with pytest.raises(InvalidInputError, match="no motor for joint waist_yaw_joint"):
         simulated_robot(g1, other, None, RobotSettings())  # type: ignore[arg-type]

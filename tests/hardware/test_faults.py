@@ -336,6 +336,20 @@ def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Pat
     assert log.read_text() == "of the run before"
 
 
+def test_a_second_loop_on_a_bus_is_refused_before_it_commands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Idle, it switched the motors off under a robot that the first one held up."""
+    rig, heard, said = Rig(), [0, 0, 1], list[str]()
+    monkeypatch.setattr(rig.bus, "commands_heard", lambda: heard.pop(0), raising=False)
+    monkeypatch.setattr(rig.bus, "write", lambda command: said.append("a command"))
+    monkeypatch.setattr(rig.bus, "close", lambda: said.append("closed"))
+    parts = rig.safety, rig.loop._checks, rig.loop._motions, rig
+    with pytest.raises(BusError, match="another program commands this robot"):
+        HardwareLoop(lambda: rig.bus, rig.controller, *parts, priority=0)  # type: ignore[arg-type]
+    assert said == ["closed"]
+
+
 @pytest.mark.skipif(not can_fork(), reason="the controller has no process of its own here")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_signals_to_all_processes_of_a_loop_leave_it_its_controller(name: str) -> None:

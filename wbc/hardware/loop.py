@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,7 @@ UNBALANCED_TIME = 1.5
 MIN_LOAD, HANG_TIME = 0.5, 0.1
 PROBLEM_BEGINS = "the problem begins"
 FINAL_STOPS = 5  # damping commands sent when the loop ends
+LISTENING = 1.0  # s to listen for another program's commands: DDS finds others in less
 
 
 class HardwareLoop:
@@ -142,6 +144,7 @@ class HardwareLoop:
         try:
             with real_time(priority):  # which a bus's own threads inherit
                 self.bus = bus()
+            _refuse_second(self.bus)
         except BaseException:
             self._worker.close()
             self._end_processes()
@@ -525,6 +528,20 @@ class HardwareLoop:
             return
         events = [f"{one.time:.4f} {one.mode}: {one.what}" for one in self.safety.events]
         self._writer.write(events, event)
+
+
+def _refuse_second(bus: Bus) -> None:
+    """Refuse a bus on which another program commands, where it can hear that.
+
+    The first command of this loop would switch off the motors under a robot that stands.
+    """
+    commands_heard: Callable[[], int] | None = getattr(bus, "commands_heard", None)
+    until = monotonic() + LISTENING
+    while commands_heard is not None and monotonic() < until:
+        if commands_heard():
+            bus.close()
+            raise BusError("another program commands this robot: end it, or wait until it is done")
+        sleep(0.01)
 
 
 def cycles_per_tick(dt: float) -> int:

@@ -206,12 +206,17 @@ def omissions(problem: Problem, profile: Profile) -> list[str]:
 def check_start(problem: Problem) -> None:
     """Refuse a problem that does not begin on all feet, on which the robot stands up.
 
+    A robot that is bolted, or has no feet, cannot.
+
     Raises
     ------
     InvalidInputError
         The message names the feet.
     """
     robot, held = problem.parts.robot, {one.frame for one in problem.parts.contacts}
+    if robot.fixed_base or not robot.feet:
+        reason = "has a fixed base" if robot.fixed_base else "has no feet"
+        raise InvalidInputError(f"hardware: {robot.name} {reason}, and the loop stands a robot up")
     free = [name for name, foot in robot.feet.items() if foot.frame not in held]
     if free:
         raise InvalidInputError(
