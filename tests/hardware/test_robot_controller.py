@@ -6,9 +6,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.estimation import ImuMount
 from wbc.hardware.bus import BaseTruth, Reading
-from wbc.hardware.robot_controller import RobotController, TruthEstimator
+from wbc.hardware.robot_controller import (
+    EstimateError,
+    RobotController,
+    SensorEstimator,
+    TruthEstimator,
+)
 from wbc.problem import load_problem
+from wbc.robot import Robot
+from wbc.rotations import exp_rotation, rotation_from
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -35,3 +43,25 @@ def test_the_load_of_the_feet_is_that_of_the_joints_torques(share: float) -> Non
     )
     # Not exactly: the moments on the soles are others than those of the least wrenches.
     assert controller.observe(reading).load == pytest.approx(share, abs=0.1)
+
+
+def test_an_imu_may_be_mounted_anyhow_and_what_is_rejected_is_told(
+    hoap2: Robot, rng: np.random.Generator
+) -> None:
+    turned, n = exp_rotation(np.array((0.4, -1.2, 2.0))), hoap2.nv - 6
+    mounted = SensorEstimator(hoap2, ImuMount("chest", "torso", (0.02, 0.0, 0.1), turned))
+    q, zero = hoap2.posture(), np.zeros(n)
+
+    def reading(k: int, jump: float = 0.0) -> Reading:
+        spin, force = 1e-4 * rng.normal(size=(2, 3)) + ((0.0,) * 3, turned.T @ (0.0, 0.0, 9.81))
+        joints = q[7:] + jump * (np.arange(n) == 3)
+        return Reading(k, k * 0.002, joints, zero, zero, zero, np.zeros(4), spin, force)
+
+    for k in range(250):
+        with pytest.raises(EstimateError):
+            mounted.update(reading(k))
+    found, _ = mounted.update(reading(250))
+    assert rotation_from(found[3:7]) == pytest.approx(np.eye(3), abs=1e-3)
+    mounted.update(reading(251, jump=0.5))
+    told = f"estimate, 1 times: joint {hoap2.joint_names[3]}: position jumped; held"
+    assert told in mounted.notes

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import MutableMapping, Sequence
+
 from wbc.errors import listed
 from wbc.estimation.core import EstimatorCore
 from wbc.native import lib
@@ -24,6 +27,8 @@ TEXTS = {
     lib.FEET_APART: "{0} foot slips: feet are {1:.1f} mm nearer or farther; not counted on",
 }
 IMU_EVENTS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD, lib.GAP)
+NUMBER = re.compile(r"\d+(\.\d+)?")
+MAX_KINDS = 5
 NO_LOADS = "no contacts, forces or torques: all feet are taken to bear always"
 
 
@@ -58,3 +63,16 @@ def _held_note(jumped: list[str]) -> str:
     text = f"joint {listed(jumped)}: position jumped; held"
     jumped.clear()
     return text
+
+
+def count_notes(told: MutableMapping[str, int], notes: Sequence[str]) -> None:
+    """Count an estimate's notes by their kind: without numbers."""
+    for note in notes:
+        kind = NUMBER.sub("#", note)
+        told[kind] = told.get(kind, 0) + 1
+
+
+def frequent_notes(told: MutableMapping[str, int]) -> tuple[str, ...]:
+    """Return the most frequent kinds of notes, and how often they were made, in words."""
+    frequent = sorted(told.items(), key=lambda one: -one[1])[:MAX_KINDS]
+    return tuple(f"estimate, {count} times: {note}" for note, count in frequent)

@@ -10,7 +10,8 @@ import numpy as np
 
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError, WbcError
-from wbc.estimation import ImuReading, Measurement, StateEstimator
+from wbc.estimation import ImuMount, ImuReading, Measurement, StateEstimator
+from wbc.estimation.notes import count_notes, frequent_notes
 from wbc.gait.phases import Standing
 from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.gait.swing import turned
@@ -53,6 +54,10 @@ class BaseEstimator(Protocol):
     name: str
     sure: StateUncertainty
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """What it rejected or guessed so far, in words."""
+
     def reset(self) -> None:
         """Restart: the robot stands still on its feet."""
 
@@ -71,6 +76,7 @@ class TruthEstimator:
 
     name = "the simulated robot's true base"
     sure = EXACT
+    notes = ()
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -90,15 +96,23 @@ class TruthEstimator:
 class SensorEstimator:
     """IMU, encoders and motor torques, by a :class:`~wbc.estimation.StateEstimator`.
 
-    Its IMU is at the base.
+    Parameters
+    ----------
+    imu:
+        Mount of the IMU whose readings come; None: at the base, with its axes.
     """
 
     name = "IMU, encoders and torques"
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._estimator = StateEstimator(robot)
+    def __init__(self, robot: Robot, imu: ImuMount | None = None) -> None:
+        self._robot, self._told = robot, dict[str, int]()
+        self._estimator = StateEstimator(robot, imu or ImuMount())
         self.sure = EXACT
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the estimator rejected or guessed, and how often."""
+        return frequent_notes(self._told)
 
     def reset(self) -> None:
         """Restart: the robot stands still, from now on for half a second."""
@@ -106,13 +120,15 @@ class SensorEstimator:
 
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return the estimate at a reading, after the robot stood still for a while."""
-        imu = ImuReading("imu", reading.angular_velocity, reading.specific_force)
+        name = self._estimator.imus[0].name
+        imu = ImuReading(name, reading.angular_velocity, reading.specific_force)
         measurement = Measurement(
             reading.time, reading.position, reading.velocity, reading.torque, (imu,)
         )
         estimate = self._estimator.update(measurement)
         if estimate is None:
             raise EstimateError(f"the estimator: {self._estimator.kept_by}")
+        count_notes(self._told, estimate.notes)
         e = estimate
         deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
         self.sure = StateUncertainty(deviations, e.contacts)
@@ -200,7 +216,7 @@ class RobotController:
         """Begin to estimate, and the problem anew: the robot stands still on its feet."""
         self.estimator.reset()
         if self._is_used:
-            self._notes = tuple(self.notes)
+            self._notes = (*self._notes, *self.supervisor.notes)
             self.supervisor, self._is_used = self._make_supervisor(), False
 
     def observe(self, reading: Reading) -> ControllerAnswer:
@@ -275,8 +291,8 @@ class RobotController:
 
     @property
     def notes(self) -> Sequence[str]:
-        """The supervisors' notes."""
-        return (*self._notes, *self.supervisor.notes)
+        """The supervisors' notes, and the estimator's."""
+        return (*self._notes, *self.supervisor.notes, *self.estimator.notes)
 
     def _load(self, q: Array, torque: Array) -> float:
         """Return about which part of the weight the feet bear, by joints' torques (n,) at rest.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from dataclasses import replace
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.estimation import Estimate, EstimatorSettings, StateEstimator
+from wbc.estimation.notes import count_notes, frequent_notes
 from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.simulation.estimate_errors import EstimateErrors
@@ -22,9 +22,7 @@ from wbc.simulation.sensors_reading import Sensing
 from wbc.validate import Array
 
 MAX_IN_FLIGHT = 64  # age of a message, in control periods, up to which its estimate is compared
-MAX_NOTES = 5
 EXTRA_PERIODS = 50  # control periods of standing, as messages may be lost and IMUs slow
-NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class SensedPlant(Plant):
@@ -158,10 +156,8 @@ class SensedPlant(Plant):
         """What the physics omits, errors of the estimates, and their most frequent notes."""
         if not self.errors.count:
             return super().notes
-        frequent = sorted(self.told.items(), key=lambda one: -one[1])[:MAX_NOTES]
-        texts = (f"estimate, {count} times: {note}" for note, count in frequent)
         lost = (f"bus: {self.sensing.lost} messages lost",) if self.sensing.lost else ()
-        return (*super().notes, str(self.errors), *lost, *texts)
+        return (*super().notes, str(self.errors), *lost, *frequent_notes(self.told))
 
     def _receive(self, time: float) -> None:
         fresh = False
@@ -170,9 +166,7 @@ class SensedPlant(Plant):
             if estimate is None:
                 continue
             self.estimate, fresh = estimate, True
-            for note in estimate.notes:
-                kind = NUMBER.sub("#", note)
-                self.told[kind] = self.told.get(kind, 0) + 1
+            count_notes(self.told, estimate.notes)
         if self.estimate is None or not fresh:
             return
         for when, q, v in reversed(self._truths):
