@@ -95,6 +95,14 @@ def test_c3d_with_a_plate_is_read(march: March) -> None:
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
+def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(march: March) -> None:
+    path, true = march
+    _with(path, "ANALOG", FORMAT=["UNSIGNED"])
+    plate = read_markers(path).plates[0]
+    found = np.hstack((plate.force, plate.moment))
+    np.testing.assert_allclose(-found, true, rtol=1e-5, atol=1e-2)
+
+
 def test_c3d_with_truncated_unit_word_is_read_in_metres(march: March) -> None:
     path, _ = march
     before = read_markers(path)

@@ -87,21 +87,20 @@ def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Arra
     start = int(file.number("POINT:DATA_START", 0.0))
     start = start if start > file.data[0] else file.header[8]  # after the parameters, or wrong
     start = BLOCK * (start - 1)
-    real = file.scale < 0.0
-    width, words = (4 if real else 2), 4 * points + per_frame
+    width, words = (4 if file.real else 2), 4 * points + per_frame
     wanted = frames * words * width
     if start < BLOCK or start + wanted > len(file.data):
         available = max(0, len(file.data) - start) // (words * width)
         what = f"it should have {frames} frames of {points} points, and has bytes for {available}"
         raise file.error(f"{what}; is it cut off?")
     raw = file.data[start : start + wanted]
-    if real:
+    if file.real:
         table = floats(raw, file.processor).reshape(frames, words)
     else:
         dtype = ">i2" if file.processor == MIPS else "<i2"
         table = np.frombuffer(raw, dtype=dtype).astype(np.float64).reshape(frames, words)
     marked = table[:, : 4 * points].reshape(frames, points, 4).copy()
-    if not real:
+    if not file.real:
         marked[:, :, :3] *= file.scale
     else:
         marked[:, :, 3] = np.where(np.isfinite(marked[:, :, 3]), marked[:, :, 3], -1.0)
@@ -156,7 +155,7 @@ def _scaled(file: C3dFile, signals: Array) -> Array:
         given = file.numbers(name).ravel(order="F")[:count]
         values[: len(given)] = given
     unsigned = "UNSIGNED" in [text.upper() for text in file.texts("ANALOG:FORMAT")]
-    if unsigned:
+    if unsigned and not file.real:  # only words of 16 bits are without a sign; floats have theirs
         offset, signals = offset % 65536, np.where(signals < 0.0, signals + 65536.0, signals)
     with np.errstate(all="ignore"):
         return np.asarray((signals - offset) * scale * gain)

@@ -32,10 +32,15 @@ class C3dFile:
     data: bytes
     processor: int  # INTEL, DEC or MIPS
     header: tuple[int, ...]  # its first ten words
-    scale: float  # of stored coordinates; negative: they are floats
+    scale: float  # of stored coordinates
     rate: float  # frames per second [Hz]
     # By group and name, as POINT:LABELS; arrays have the file's dimensions, first one first.
     parameters: dict[str, Values]
+
+    @property
+    def real(self) -> bool:
+        """Whether points and analog samples are floats; else they are words of 16 bits."""
+        return self.scale < 0.0
 
     def error(self, what: str) -> RecordingError:
         """Return an error that names the file."""
