@@ -9,7 +9,7 @@ from wbc.human.anthropometry import DE_LEVA, segment_table
 from wbc.human.body import NAMES, SEGMENT_NAMES, HumanBody, masses
 from wbc.human.fit import MarkerSet
 from wbc.human.kinematics import DOFS, dimension_jacobian, forward_kinematics, point_jacobian
-from wbc.human.landmarks import landmark, landmark_of
+from wbc.human.landmarks import landmark, landmark_of, landmarks_of
 from wbc.human.skeleton import configurations, human_robot
 
 BODY = HumanBody.of(1.80, 80.0, "male")
@@ -86,10 +86,22 @@ LABELLED = (
     " left_knee_lateral RLEK right_knee_lateral LSHA left_shank THEAD head_top LKNEin"
     " left_knee_medial RKNE_med right_knee_medial L_ANKLE_LATERAL left_ankle_lateral LTHI4"
     " left_thigh R_LEG_2 right_shank foot_l1 left_foot LHE_L left_elbow_lateral RHEL right_heel"
-    " LASI2 None L5 spine_low R.HeelGround None RPower None"
+    " LASI2 None L5 spine_low R.HeelGround None RPower None R.Thigh.Top.Lateral right_thigh"
+    " L.MidShank left_shank R_HEEL_UP right_heel RightFifthMet right_metatarsal_5 R1MTH"
+    " right_metatarsal_1 RLatMal right_ankle_lateral RMA right_ankle_medial RSH right_acromion RSH2"
+    " right_shank LUpperLeg1 left_thigh L.LowerArm.Top left_forearm RUpperArm3 right_upper_arm"
 )
 
 
 def test_labels_are_identified_as_their_landmarks() -> None:
     words = LABELLED.split()
     assert [str(landmark_of(label)) for label in words[::2]] == words[1::2]
+
+
+def test_what_most_labels_begin_with_is_left_out() -> None:
+    plain = ("LASI", "RASI", "SACR", "L_KNEE", "R_KNEE", "C7")
+    found = landmarks_of(plain)
+    named = landmarks_of([f"P01_walk_{label}" for label in plain] + ["*12"])
+    assert found == {label.removeprefix("P01_walk_"): name for label, name in named.items()}
+    sides = [f"R_{label}" for label in ("ASIS", "PSIS", "KNEE")]
+    assert landmarks_of(sides) == {label: landmark_of(label) for label in sides}

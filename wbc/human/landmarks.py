@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,11 @@ class Landmark:
 # Landmarks of both sides: segment, anchor, place on the left [mm], spread and noise [mm], names
 # without the side.
 _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
-    "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"),
-    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK"),
+    "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"
+              " AS"),
+    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK PS"),
     "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST ILIAC"
-              " CREST CSI"),
+              " CREST CSI IAC WAIST"),
     "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
     "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC"
               " TROCHANTER GREATERTROCHANTER GTROCHANTER GTRO GRT TRO TRC HIP"),
@@ -58,38 +60,43 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
               " QUAD BAR1 WAND1 THIGHFRONTLOW T1 T2 T3 T4 THU THL THD ANTFEM POSTFEM"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEELAT LATKNEE LKNEE KNEEOUT"
               " KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC LEK KNEELATEPICONDYLE"
-              " FCL LKN"),
+              " FCL LKN LEPI"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE KNEEMED MEDKNEE KNM KNEM MFC"
-              " FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC MEK KNEEMEDEPICONDYLE FCM MKN"),
+              " FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC MEK KNEEMEDEPICONDYLE FCM MKN KNI"
+              " MEPI"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
               " KNEEJC"),
     "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"
-              " FIB"),
+              " FIB HFB FIBULAHEAD"),
     "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TTB TIBTUB TUB"
-              " TIBIALTUB"),
-    "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SHN SHIN"
-              " SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT TIAP TIAD TB SK1 SK2 SK3 SK4 LEG CALF"
-              " BAR2 WAND2 SHA ATI SHINFRONTHIGH SHANKANTSUP S1 S2 S3 S4 TBU TBC TBD ANTTIB"
-              " POSTTIB"),
+              " TIBIALTUB TTU TIBTUBERCLE TIBIALTUBERCLE"),
+    "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SHN SHIN SHANKUPPER"
+              " SHANKFRONT SHANKREAR SHANKLAT TIAP TIAD TB SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
+              " SHA ATI SHINFRONTHIGH SHANKANTSUP S1 S2 S3 S4 TBU TBC TBD ANTTIB POSTTIB SH1 SH2"
+              " SH3 SH4 SH5"),
     "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLELAT LATANKLE LANKLE LMAL"
-              " MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA LATMALLEOLUS"),
-    "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED MM"
-              " TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS"),
+              " MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA LATMALLEOLUS LATMAL LA LAK LML MALLAT"
+              " MALLEOLUSLAT"),
+    "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED"
+              " MM TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS MEDMAL MA MAK MML MALM MALMED"
+              " MALLEOLUSMED"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
               " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
               " HEL PCA HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
     "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID"
-              " FOREFOOT MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX"),
+              " FOREFOOT MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX MET2"
+              " MET3 3META HALLUX HLX"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
-              " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL"),
+              " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL FIRSTMET MET1 META1"
+              " MTH1 1MTH 1MH 1MET 1STMET M1"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5"
               " D5M D5MT MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5"
-              " FIFTHMETATARSAL SMALLTOE"),
+              " FIFTHMETATARSAL SMALLTOE FIFTHMET MET5 META5 MTH5 5MTH 5MH 5MET 5THMET 5TH M5"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT P1MT"
-              " P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL"),
+              " P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL LCA CUN CUB"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM"
-              " AC CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP"),
+              " AC CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP SH"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
               " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
     "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV STERNUM"),
@@ -99,13 +106,14 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
               " UA UARM ARM HUMERUS UPARM TRICEP TRICEPS DELT UARMHIGH"),
     "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOWLAT LATELBOW LELBOW"
               " LEL HLE ELBOWOUT ELBL ELL EL LHE LEE ARMLATEPICONDYLE"),
-    "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW MEL"
-              " HME ELBOWIN ELBM ELM EM MHE MEE ARMMEDEPICONDYLE"),
+    "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW"
+              " MEL HME ELBOWIN ELBM ELM EM MHE MEE ARMMEDEPICONDYLE IEL"),
     "elbow_centre": ("_upper_arm", "_forearm", (0, 0, 0), 10, 10, "EJC ELBOWCENTRE ELBOWCENTER"
               " ELBOWJOINT ELBOWJC"),
     "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA"
               " FASUPERIOR FORE RADULN"),
-    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW WRISTOUT WRISTIN"),
+    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW WRISTOUT WRISTIN OWR"
+              " IWR"),
     "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
               " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB RADIALSTYLOID"),
     "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
@@ -113,8 +121,9 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
               " WRISTJOINT WRISTJC"),
     "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"
-              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND"),
-    "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"),
+              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND HANDIN OHAND IHAND"),
+    "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"
+              " FOREHEAD"),
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
     "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS TEMPLE"),
 }  # fmt: skip
@@ -125,8 +134,9 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT MIDHIP CHIP"),
     "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
     "spine": ("trunk", "trunk", (-115, 0, 230), 90, 10, "T10 TV10 T8 TV8 T12 TV12 T6 T7 T4 T5 T9"
-              " T11 THORAX SPINE"),
-    "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3 BACKTOP SPINETOP"),
+              " T11 THORAX SPINE SPINETHORACIC12"),
+    "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3 BACKTOP SPINETOP"
+                   " SPINETHORACIC2"),
     "c7": ("trunk", "head", (-55, 0, 0), 15, 10, "C7 CV7 CERV7 C7T1"),
     "jugular": ("trunk", "trunk", (65, 0, 386), 30, 10, "CLAV SJN SNJ IJ SUP JN MANUBRIUM JUG"
                 " CLAVICLE SUPR MIDCLAVICLE INCJ SS"),
@@ -152,15 +162,23 @@ _CENTRES = {
     "trochanter": "hip_centre", "knee_lateral": "knee_centre", "ankle_lateral": "ankle_centre",
     "acromion": "shoulder_centre", "elbow_lateral": "elbow_centre", "wrist": "wrist_centre",
 }  # fmt: skip
-# Landmarks with several, numbered markers on one segment.
-_CLUSTERS = frozenset(("thigh", "shank", "foot", "upper_arm", "forearm"))
+# Landmarks with several markers on one segment, which are numbered or told apart by these words.
+_CLUSTERS = frozenset(("thigh", "shank", "heel", "foot", "upper_arm", "forearm"))
+_WHICH = re.compile(
+    "TOP|BOTTOM|UP(?!(PER)?ARM)(PER)?|LOWER|LO$|MID|SUP(ERIOR)?|INF(ERIOR)?|PROX(IMAL)?"
+    "|DIST(AL)?|ANT(ERIOR)?|POST(ERIOR)?|LAT|MED|FRONT|(?<!FO)REAR|CLUSTER|[0-9]"
+)
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
 # Word boundaries in camel case and between a side and a number (KU Leuven's foot_r1); Xsens's p.
 _BOUNDARY, _PREFIX = (
     re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[ _.][lrLR])(?=[0-9])"),
     re.compile("^p(?=[A-Z])"),
 )
-_SHORT = {"LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELBOW": "ELB"}
+_SHORT = {
+    "LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELBOW": "ELB",
+    "UPPERLEG": "THIGH", "LOWERLEG": "SHANK", "LOWERARM": "FOREARM",
+}  # fmt: skip
+_SEPARATED = re.compile("[^ _.:-]+[ _.:-]+(?=.)")  # a label's first word, with what parts it
 
 
 def _short(word: str) -> str:
@@ -206,10 +224,7 @@ def landmark_of(label: str) -> str | None:
             rests.append(words.removesuffix(side))
         for rest in map(_short, rests):
             mark = _PAIRED_ALIASES.get(rest)
-            if (
-                mark is None
-                and (many := _PAIRED_ALIASES.get(rest.rstrip("0123456789"))) in _CLUSTERS
-            ):
+            if mark is None and (many := _PAIRED_ALIASES.get(_WHICH.sub("", rest))) in _CLUSTERS:
                 mark = many
             if mark is not None:
                 return f"{SIDES[side]}_{mark}"
@@ -219,9 +234,11 @@ def landmark_of(label: str) -> str | None:
 def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
     """Return the landmarks' names by label, for the labels that have one.
 
-    With both hips and nothing else on the pelvis, joints are taken for their centres.
+    What most labels begin with, as the subject in ``Anna_LASI``, is left out. With both hips and
+    nothing else on the pelvis, joints are taken for their centres.
     """
-    found = {label: name for label in labels if (name := landmark_of(label)) is not None}
+    plain = _without_prefix(tuple(labels))
+    found = {label: name for label, rest in plain.items() if (name := landmark_of(rest))}
     on_pelvis = {name for name in found.values() if landmark(name).segment == "pelvis"} - {"root"}
     if on_pelvis or not {"left_trochanter", "right_trochanter"} <= set(found.values()):
         return found
@@ -229,6 +246,17 @@ def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
         side, _, rest = name.partition("_")
         found[label] = f"{side}_{_CENTRES[rest]}" if rest in _CENTRES else name
     return found
+
+
+def _without_prefix(labels: Sequence[str]) -> dict[str, str]:
+    """Return each label without the words before a separator that more than half of them share."""
+    plain = {label: label for label in labels}
+    while True:
+        first = {label: one[0] for label, rest in plain.items() if (one := _SEPARATED.match(rest))}
+        word, count = max(Counter(first.values()).items(), key=itemgetter(1), default=("", 0))
+        if 2 * count <= len(plain) or word.rstrip(" _.:-").upper() in SIDES:
+            return plain
+        plain |= {one: plain[one].removeprefix(word) for one, its in first.items() if its == word}
 
 
 def landmark(name: str) -> Landmark:
