@@ -150,6 +150,16 @@ def test_on_a_slope_the_robot_is_turned_with_the_ground(tmp_path: Path) -> None:
     assert one.simulate().status is SimulationStatus.STOOD
 
 
+def test_soles_are_flat_on_steep_slopes(tmp_path: Path) -> None:
+    """They were taken to be on level ground: a corner was told to be "27 mm above" it."""
+    steep = STAND + "simulation: {duration: 0.1, terrain: {slope: [0.3, -0.2]}}\n"
+    start = problem(tmp_path, steep).parts.at_start
+    ground = problem(tmp_path, steep).spec.simulation.ground().height
+    assert all(off_the_ground(start, foot, ground, 1e-9) is None for foot in ("left", "right"))
+    bent = steep + "start: {joints: {left_ankle_pitch: 0.5}}\n"
+    assert "the left foot does not stand" in complaint_of(tmp_path, bent)
+
+
 def test_contacts_with_drift_are_asked_for(tmp_path: Path) -> None:
     assert not problem(tmp_path).spec.simulation.ground().drift
     one = problem(tmp_path, overrides={"simulation.terrain.drift": True})

@@ -67,7 +67,9 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         check_support_given(spec.support or first, robot)
         contacts += contacts_of(spec.support, start, spec.controller.friction_cone)
         if not spec.phases:  # each phase checks its own feet
-            check_feet_on_ground(spec.support, start)
+            turned = spec.ground_height is not None and not robot.fixed_base
+            slope = spec.simulation.terrain.slope if turned else (0.0, 0.0)
+            check_feet_on_ground(spec.support, start, slope)
     check_level(spec, mistakes)
     check_loops(spec, built, mistakes)
     built, reference = follow_plan(spec, built, start, contacts, folder, mistakes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -174,8 +174,10 @@ def check_support_given(spec: Support | None, robot: Robot) -> None:
         )
 
 
-def check_feet_on_ground(spec: Support | None, snapshot: Snapshot) -> None:
-    """Refuse a support mode whose feet are not on one level ground.
+def check_feet_on_ground(
+    spec: Support | None, snapshot: Snapshot, slope: Sequence[float] = (0.0, 0.0)
+) -> None:
+    """Refuse a support mode whose feet are not on one plane, of the given rise over run (2,).
 
     Raises
     ------
@@ -186,14 +188,15 @@ def check_feet_on_ground(spec: Support | None, snapshot: Snapshot) -> None:
         return
     feet = feet_of(snapshot.robot, spec)
     soles = [snapshot.robot.feet[name] for name in feet]
+    upright = np.array((-slope[0], -slope[1], 1.0))
     lowest = min(
-        float((one.polygon @ snapshot.rotation(one.frame)[2, :2]).min())
-        + float(snapshot.position(one.frame)[2])
+        float((one.polygon @ (upright @ snapshot.rotation(one.frame))[:2]).min())
+        + float(upright @ snapshot.position(one.frame))
         for one in soles
     )
     for name in feet:
         why = off_the_ground(
-            snapshot, name, lambda places: np.full(len(places), lowest), GROUND_TOLERANCE
+            snapshot, name, lambda places: lowest - places @ upright[:2], GROUND_TOLERANCE
         )
         if why:
             frames = ", ".join(one.frame for one in soles)
