@@ -9,7 +9,7 @@ from tests.conftest import load, random_state
 from tests.simulation.accelerations import acceleration_from_mujoco, mass_and_bias
 from wbc.errors import ModelError
 from wbc.robot import Robot, robot_names
-from wbc.simulation import Plant
+from wbc.simulation import Plant, Terrain
 from wbc.simulation.mismatch import principal_inertia
 
 
@@ -93,3 +93,17 @@ def test_a_robot_without_collision_shapes_has_a_note() -> None:
     notes = Plant(mixed).notes
     assert any("no collision shapes" in note for note in notes)
     assert Plant(load("g1")).notes == ()
+
+
+def test_a_time_constant_that_mujoco_does_not_take_is_told(hoap2: Robot) -> None:
+    """MuJoCo's contacts are no stiffer than two steps of the physics; nothing was said."""
+    soft, stiff = (Plant(hoap2, terrain=Terrain(time_constant=one)) for one in (0.002, 1e-4))
+    assert soft.notes == ()
+    assert stiff.notes == (
+        "the ground's contacts have a time constant of 0.002 s, twice physics_dt, as MuJoCo allows"
+        " no less; not 0.0001",
+    )
+    for plant in (soft, stiff):
+        for _ in range(20):
+            plant.step(np.zeros(hoap2.nv - 6))
+    np.testing.assert_array_equal(soft.state()[0], stiff.state()[0])

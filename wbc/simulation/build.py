@@ -25,6 +25,8 @@ from wbc.validate import Array
 PLANE_HALF_SIZE = 50.0  # m, as drawn; for contacts it is infinite
 # Time constant with which a gear's error decays, critically damped, in physics steps.
 GEAR_STEPS = 4.0
+LEAST_TIME_CONSTANT = 2.0  # of contacts, in physics steps: MuJoCo's refsafe takes it for less
+ROUNDING = 1e-9
 GEAR_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's solimp of gears and loops
 # MuJoCo's impratio: friction by normal stiffness. On a slope of 0.2 feet creep by 0.03 mm/s with
 # MuJoCo's default of 1, by 0.001 with this.
@@ -83,6 +85,12 @@ def build(
     inertias = true_inertias(robot, mismatch)
     bodies = _add_tree(mujoco, spec, robot, inertias)
     labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
+    least = LEAST_TIME_CONSTANT * physics_dt
+    if terrain.time_constant < least * (1.0 - ROUNDING):
+        notes += (
+            f"the ground's contacts have a time constant of {least:g} s, twice physics_dt, as"
+            f" MuJoCo allows no less; not {terrain.time_constant:g}",
+        )
     _add_gears(mujoco, spec, robot, physics_dt)
     _add_loops(mujoco, spec, bodies, robot, physics_dt)
     _add_lifts(mujoco, spec, bodies, robot)
