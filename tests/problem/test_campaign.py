@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import load as load_robot
 from tests.texts import CHEAP
 from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
@@ -172,3 +173,16 @@ def test_a_pendulum_takes_part_but_has_no_seeds(tmp_path: Path) -> None:
     assert len(campaign.runs) == 1
     with pytest.raises(ProblemFileError, match="nothing is random in lean"):
         load(tmp_path, "problems: [lean.yaml]\nseeds: 2\n")
+
+
+def test_inputs_change_with_the_files_that_problems_name(tmp_path: Path) -> None:
+    """A table of another robot, of the same file's name, had all runs already."""
+    robot = tmp_path / "own.urdf"
+    robot.write_text(Path(str(load_robot("hoap2_like").path)).read_text())
+    text = "problems: [stand.yaml]\ngrid: {robot: [own.urdf, hoap2_like]}\n"
+    before = load(tmp_path, text).inputs()
+    assert load(tmp_path, text).inputs() == before
+    robot.write_text(robot.read_text().replace('lower="-', 'lower="-0'))
+    after = load(tmp_path, text).inputs()
+    assert after.pop("files") != before.pop("files") and after == before
+    assert "files" not in load(tmp_path, "problems: [stand.yaml]\n").inputs()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import load as load_robot
 from tests.texts import STAND
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.pushed_problem import LoadPushed, PushedProblem, PushSettings
@@ -88,3 +89,14 @@ def test_a_file_that_changes_meanwhile_is_noticed(tmp_path: Path) -> None:
     loader(tmp_path, PUSHED + "# mine\n")
     with pytest.raises(InvalidInputError, match="was changed meanwhile"):
         load()
+
+
+def test_inputs_change_with_the_robots_file(tmp_path: Path) -> None:
+    """The same command went on with pushes of the robot as it was before."""
+    robot = tmp_path / "own.urdf"
+    robot.write_text(Path(str(load_robot("hoap2_like").path)).read_text())
+    text = PUSHED.replace("model: hoap2_like", "model: own.urdf")
+    before = loader(tmp_path, text).inputs()
+    robot.write_text(robot.read_text().replace('lower="-', 'lower="-0'))
+    after = loader(tmp_path, text).inputs()
+    assert after.pop("files") != before.pop("files") and after == before

@@ -23,6 +23,7 @@ from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.problem import load_problem
+from wbc.problem.provenance import digests_of_files
 from wbc.problem.section import Distinct, Forms, Name, Names, NonEmpty, Section
 from wbc.problem.source import KeyPath, Source
 from wbc.problem.spec import PlainName, ProblemSpec
@@ -84,12 +85,15 @@ class Campaign:
     path: Path  # the file
     spec: CampaignSpec  # what it says
     texts: Mapping[str, str]  # the problems' texts by name
+    files: Mapping[str, Mapping[str, str]]  # digests of the files that each of them names
     # In order: problem by problem, case by case, the last key of the grid and then seeds fastest.
     runs: tuple[Run, ...]
 
     def inputs(self) -> dict[str, Any]:
         """Return all inputs that the results depend on, as plain data."""
-        return {"campaign": self.spec.model_dump(mode="json"), "problems": dict(self.texts)}
+        inputs = {"campaign": self.spec.model_dump(mode="json"), "problems": dict(self.texts)}
+        files = {name: dict(found) for name, found in self.files.items() if found}
+        return {**inputs, "files": files} if files else inputs
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -139,7 +143,12 @@ def load_campaign(path: str | Path) -> Campaign:
         _check_values(spec, file, mistakes)
     mistakes.raise_any()
     runs = tuple(_runs(spec, files, sources, list(seeds), mistakes))
-    return Campaign(path, spec, {name: one.text for name, one in sources.items()}, runs)
+    replacing = (spec.set, spec.cases, spec.grid)
+    named = {
+        name: digests_of_files((one.data, *replacing), files[name].parent)
+        for name, one in sources.items()
+    }
+    return Campaign(path, spec, {name: one.text for name, one in sources.items()}, named, runs)
 
 
 def _names(problems: tuple[str, ...]) -> dict[str, str]:

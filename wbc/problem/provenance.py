@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 from collections.abc import Mapping
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from wbc import __version__
@@ -43,3 +45,23 @@ def version_of(package: str) -> str:
 def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem's file, text and overrides, with which it can be run again."""
     return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
+
+
+def digests_of_files(data: object, folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each file that a text in plain data names, by that text.
+
+    Robots, plans and motions: results depend on them as on the problem. Paths are relative to
+    ``folder``, the problem's.
+    """
+    if isinstance(data, Mapping):
+        data = list(data.values())
+    if isinstance(data, list | tuple):
+        parts = [digests_of_files(one, folder) for one in data]
+        return {text: digest for part in parts for text, digest in part.items()}
+    if not isinstance(data, str):
+        return {}
+    try:
+        content = (folder / Path(data).expanduser()).read_bytes()
+    except (OSError, ValueError, RuntimeError):  # a word; "~" without a home
+        return {}
+    return {data: hashlib.sha256(content).hexdigest()}

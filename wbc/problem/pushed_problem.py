@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.problem.problem import Problem, load_problem, load_same_text, require_torque
-from wbc.problem.provenance import versions
+from wbc.problem.provenance import digests_of_files, versions
 from wbc.run.phase_support import held_feet
 from wbc.run.saving import plain
 from wbc.simulation import FallLimits, PushOutcome, SimulationError, capture_impulse, simulate
@@ -134,6 +134,7 @@ class LoadPushed:
     overrides: Mapping[str, Any]  # values that replace the file's, by key path
     settings: PushSettings
     text: str
+    files: Mapping[str, str]  # digests of the files that it names
 
     @classmethod
     def of(cls, path: Path, overrides: Mapping[str, Any], settings: PushSettings) -> LoadPushed:
@@ -149,7 +150,9 @@ class LoadPushed:
         if str(path) == "-":
             raise InvalidInputError("wbc push reads a problem in several processes: name a file")
         found = load_problem(path, overrides)
-        return cls(path.resolve(), dict(overrides), settings, found.source.text)
+        source = found.source
+        files = digests_of_files((source.data, overrides), path.parent)
+        return cls(path.resolve(), dict(overrides), settings, source.text, files)
 
     def __call__(self) -> PushedProblem:
         """Return the problem, ready to be pushed.
@@ -166,7 +169,8 @@ class LoadPushed:
 
     def inputs(self) -> dict[str, Any]:
         """Return all inputs that outcomes depend on, as plain data."""
-        return {"text": self.text, "overrides": plain(self.overrides)}
+        inputs = {"text": self.text, "overrides": plain(self.overrides)}
+        return {**inputs, "files": dict(self.files)} if self.files else inputs
 
 
 def conditions(settings: PushSettings) -> dict[str, Any]:
