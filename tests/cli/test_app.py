@@ -253,6 +253,17 @@ def test_a_run_prints_the_robots_notes_once(tmp_path: Path) -> None:
     assert wbc_command("run", path, "--quiet").stderr == ""
 
 
+def test_what_the_library_warns_of_is_printed_once(tmp_path: Path) -> None:
+    """A handler that swallowed all of it was attached, but only robots' notes were printed."""
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: hoap2_like\nsupport: double\ntasks: {com: {type: com, target: [0, 0, 300]}}\n"
+        "stop: {duration: 0.02}\n"
+    )
+    for _ in range(2):  # commands in one process
+        assert wbc_command("run", path).stderr.count("m away: is it in mm?") == 1
+
+
 def lonely_arm(folder: Path) -> Path:
     path = folder / "arm.urdf"
     path.write_text(arm_of_one_joint(limit(1, 9, 2)))

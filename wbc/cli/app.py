@@ -5,7 +5,6 @@ Only typer is imported on top: ``wbc --help`` must not wait for the robotics lib
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 from typing import Annotated
@@ -20,7 +19,7 @@ from wbc.cli.bench import add_bench
 from wbc.cli.cache import cache
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
-from wbc.cli.errors import BAD_INPUT, Commands, complain, refused
+from wbc.cli.errors import BAD_INPUT, Commands, complain, print_warnings, refused
 from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
@@ -38,7 +37,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_SILENT = logging.NullHandler()  # what the library warns of is among the notes printed here
 
 
 def main() -> None:
@@ -82,7 +80,7 @@ def common(
     ] = False,
 ) -> None:
     """Whole-body control of humanoid robots, with the robot's inertia as a task."""
-    logging.getLogger("wbc").addHandler(_SILENT)
+    print_warnings()
 
 
 # One line for each command, in the order of the help.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,6 +57,29 @@ def print_note(text: str) -> None:
     """Print a note to stderr."""
     head = typer.style("note:", fg="yellow", bold=True)
     typer.echo(f"{head} {text}", err=True)
+
+
+class _Warnings(logging.Handler):
+    """Prints what the library warns of, once, unless it is among the notes of a robot or result."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.printed = set[str]()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = record.getMessage()
+        if text not in self.printed and not getattr(record, "noted", False):
+            self.printed.add(text)
+            print_note(text)
+
+
+_WARNINGS = _Warnings()
+
+
+def print_warnings() -> None:
+    """Print to stderr what the library warns of from now on, each warning once."""
+    _WARNINGS.printed.clear()
+    logging.getLogger("wbc").addHandler(_WARNINGS)
 
 
 def print_notes(robot: Robot) -> None:

@@ -27,16 +27,16 @@ def default_contact(robot: Robot, frame: str) -> type[Contact]:
     """Return the contact that a frame makes as a robot stands; flat soles as lines are told."""
     kind = contact_kind(robot.snapshot(robot.postures[STANDING]), frame)
     if kind is LineContact and all(len(one.polygon) > 2 for one in robot.feet.values()):
-        _tell_line(robot.name, frame)
+        _tell_lines(robot.name)
     return kind
 
 
 @lru_cache(maxsize=64)  # said once
-def _tell_line(robot: str, frame: str) -> None:
+def _tell_lines(robot: str) -> None:
     logging.getLogger(__name__).warning(
-        "support: %s of %s is held along its length only (LineContact), as its leg cannot roll it;"
-        " Contact.hold(...), in YAML type: fixed, holds it flat",
-        *(frame, robot),
+        "support: the legs of %s cannot roll their narrow soles, which are held along their length"
+        " only (LineContact); Contact.hold(...), in YAML type: fixed, holds a sole flat",
+        robot,
     )
 
 

@@ -16,6 +16,7 @@ from wbc.robot import Snapshot
 from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
+from wbc.robot.notes import NOTED
 from wbc.validate import Array
 
 # Dry friction above this part of a joint's torque disturbs the swing. At a quarter a small humanoid
@@ -113,7 +114,7 @@ def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0)
             " slower than commanded"
         )
     for note in notes:
-        logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)
+        logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note, extra=NOTED)
     return tuple(notes)
 
 

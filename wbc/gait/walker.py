@@ -62,6 +62,7 @@ from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.kinds import check_kind
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
+from wbc.robot.notes import NOTED
 from wbc.robot.postures import STANDING
 from wbc.run.phase_support import Ground
 from wbc.tasks.task import Task
@@ -285,7 +286,7 @@ class Walker:
         """
         admitted = self.limits.admit(vx, vy, yaw_rate)
         if admitted.reason:
-            logging.getLogger(__name__).warning("walking command: %s", admitted.reason)
+            logging.getLogger(__name__).warning("walking command: %s", admitted.reason, extra=NOTED)
         self.wanted, self.coming = admitted.velocity, ()
         return admitted
 
@@ -492,7 +493,7 @@ class Walker:
         self.wanted = self.limits.admit(*self.wanted).velocity
         note = f"{speed:.2f} m/s was not sustained, {why}: at most {limit:.2f} m/s from then on"
         self.notes = (*self.notes, note)
-        logging.getLogger(__name__).warning("walker: %s", note)
+        logging.getLogger(__name__).warning("walker: %s", note, extra=NOTED)
 
     def _count_unadapted(self, phase: SingleSupport) -> None:
         if not (phase.adapted or self.unadapted):

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from wbc.errors import listed
 
+# Marks warnings that are notes of a robot or a result, too: command lines print those.
+NOTED = {"noted": True}
 _enabled = ContextVar("told", default=True)
 
 
@@ -39,4 +41,4 @@ def without_warnings() -> Iterator[None]:
 
 @cache
 def _warn_once(text: str) -> None:
-    logging.getLogger("wbc.robot").warning("%s", text)
+    logging.getLogger("wbc.robot").warning("%s", text, extra=NOTED)
