@@ -262,6 +262,7 @@ def test_what_the_library_warns_of_is_printed_once(tmp_path: Path) -> None:
     )
     for _ in range(2):  # commands in one process
         assert wbc_command("run", path).stderr.count("m away: is it in mm?") == 1
+    assert wbc_command("run", path, "--quiet").stderr == ""
 
 
 def lonely_arm(folder: Path) -> Path:

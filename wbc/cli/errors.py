@@ -64,11 +64,11 @@ class _Warnings(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
-        self.printed = set[str]()
+        self.printed, self.quiet = set[str](), False
 
     def emit(self, record: logging.LogRecord) -> None:
         text = record.getMessage()
-        if text not in self.printed and not getattr(record, "noted", False):
+        if not (self.quiet or text in self.printed or getattr(record, "noted", False)):
             self.printed.add(text)
             print_note(text)
 
@@ -78,8 +78,14 @@ _WARNINGS = _Warnings()
 
 def print_warnings() -> None:
     """Print to stderr what the library warns of from now on, each warning once."""
-    _WARNINGS.printed.clear()
+    _WARNINGS.printed, _WARNINGS.quiet = set(), False
     logging.getLogger("wbc").addHandler(_WARNINGS)
+
+
+def warn_unless_quiet(quiet: bool) -> bool:
+    """Print no warnings with ``--quiet``."""
+    _WARNINGS.quiet = quiet
+    return quiet
 
 
 def print_notes(robot: Robot) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from wbc.cli.errors import warn_unless_quiet
+
 # ---------------------------------------------------------------------- what Tab offers
 # Nothing is loaded before it is pressed.
 
@@ -70,7 +72,10 @@ Assign = Annotated[
 Processes = Annotated[
     int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print errors only.", callback=warn_unless_quiet),
+]
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, print_notes
+from wbc.cli.errors import BAD_INPUT, complain, print_notes, warn_unless_quiet
 from wbc.cli.options import Assign, overrides_of, robots_beginning
 
 if TYPE_CHECKING:
@@ -63,7 +63,10 @@ def check(
         typer.Argument(help="Problem files; - reads one from stdin.", metavar="PROBLEM.yaml..."),
     ],
     assign: Assign = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print mistakes only.")] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Print mistakes only.", callback=warn_unless_quiet),
+    ] = False,
 ) -> None:
     """Check problem files without running them: every mistake with its line."""
     from wbc.errors import WbcError
