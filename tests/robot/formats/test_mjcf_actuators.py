@@ -57,6 +57,14 @@ def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
         np.testing.assert_allclose(data.qfrc_actuator[6:], sign * robot.limits.effort)
 
 
+def test_efforts_far_below_what_joints_take_are_told(tmp_path: Path) -> None:
+    """Controls of [-1, 1] on joints of 88 N m, as in a G1 for motion capture: it stood on 1 N m."""
+    assert not any("ranges of controls" in note for note in load(tmp_path, text()).notes)
+    normalised = text().replace('"-2 2"/>', '"-100 100"/>', 1)
+    (note,) = (one for one in load(tmp_path, normalised).notes if "ranges of controls" in one)
+    assert ": joint; where" in note and "effort={joint: N m}" in note
+
+
 @pytest.mark.parametrize("dynamics", ["filter", "filterexact"])
 def test_filtered_motors_give_what_their_controls_bound(tmp_path: Path, dynamics: str) -> None:
     mujoco = pytest.importorskip("mujoco")

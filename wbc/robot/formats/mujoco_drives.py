@@ -199,6 +199,12 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
         "motors that the file lets pull harder one way than the other are held to the smaller: {}",
         unlike,
     )
+    weak = [names.joints[j] for j in sorted(driven) if _is_scaled(model, pulls[j], j)]
+    notes += noted(
+        "ranges of controls let motors give less than a tenth of what the file lets joints take"
+        " (actuatorfrcrange): {}; where controls are parts of a torque, give effort={joint: N m}",
+        weak,
+    )
     if part.floats:
         start = int(model.jnt_dofadr[part.root_joint])
         base = slice(start, start + BASE_NV)
@@ -251,6 +257,12 @@ def _is_asymmetric(model: Any, pull: Range, joint: int) -> bool:
     least = min(_symmetric_limit(*pull), _symmetric_limit(*taken))
     low, high = max(pull[0], taken[0]), min(pull[1], taken[1])
     return low < 0.0 < high and max(-low, high) > least * (1.0 + 1e-9)
+
+
+def _is_scaled(model: Any, pull: Range, joint: int) -> bool:
+    """Return whether a joint takes so much more than its motors give that units may differ."""
+    most = _symmetric_limit(*_joint_force_range(model, joint))
+    return math.isfinite(most) and _symmetric_limit(*pull) < 0.1 * most
 
 
 def passive_forces(part: RobotPart) -> PassiveForces:
