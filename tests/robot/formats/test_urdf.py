@@ -318,7 +318,9 @@ def test_broken_files_are_refused_by_line(tmp_path: Path) -> None:
     path.write_text("<sdf/>")
     assert "<sdf>" in refusal(path)
     assert "no such file" in refusal(tmp_path / "other.urdf")
-    assert "xacro toy.urdf.xacro > toy.urdf" in refusal(tmp_path / "toy.urdf.xacro")
+    for name in ("toy.urdf.xacro", "toy.xacro"):
+        assert refusal(tmp_path / name).endswith(f"xacro {name} > toy.urdf")
+    assert "usda files are not read; export a URDF or an MJCF" in refusal(tmp_path / "toy.usda")
 
 
 def test_a_file_larger_than_any_robot_is_not_read(tmp_path: Path) -> None:

@@ -32,7 +32,10 @@ def read_xml(path: Path) -> ET.Element:
         elements or attributes than any robot needs.
     """
     if path.suffix == ".xacro":
-        raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {path.stem}")
+        urdf = f"{path.stem.removesuffix('.urdf')}.urdf"
+        raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {urdf}")
+    if path.suffix.startswith(".usd") or path.suffix in (".sdf", ".world"):
+        raise ModelError(f"{path}: {path.suffix[1:]} files are not read; export a URDF or an MJCF")
     try:
         if path.is_dir():
             raise ModelError(f"{path}: a folder; name a robot file in it")
