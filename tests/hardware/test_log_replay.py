@@ -99,6 +99,9 @@ def test_a_log_that_does_not_reach_back_says_how_more_is_kept(log: Path, tmp_pat
         late = {name: file[name][-200:] for name in file.files if file[name].ndim}
     with pytest.raises(InvalidInputError, match="--keep"):
         replay_log(changed(log, tmp_path / "late.npz", late))
+    idle = changed(log, tmp_path / "idle.npz", {"asked": lambda asked: np.nan * asked})
+    with pytest.raises(InvalidInputError, match="did not stand up"):
+        replay_log(idle)
 
 
 @pytest.mark.slow
@@ -121,6 +124,7 @@ def test_a_log_opens_as_a_run(log: Path, tmp_path: Path) -> None:
         ({"q": None}, "'q': expected shape"),
         ({"mode": lambda mode: mode + 100}, "damaged"),
         ({"events": None}, "not a log"),
+        ({"time": lambda time: time[::-1]}, "'time': must increase"),
     ],
 )
 def test_a_damaged_log_is_refused(

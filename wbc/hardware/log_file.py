@@ -176,6 +176,8 @@ def _check(path: Path, arrays: Mapping[str, NDArray[Any]], problem: Problem) -> 
     count = arrays["time"].shape[0] if "time" in arrays and arrays["time"].ndim == 1 else 0
     if not count:
         raise InvalidInputError(f"{path}: has no rows")
+    if not (np.diff(arrays["time"]) > 0.0).all():
+        raise InvalidInputError(f"{path}: array 'time': must increase from row to row")
     for name, size in log_fields(len(robot.joint_names), robot.nq, robot.nv).items():
         shape = (count,) if size == 1 else (count, size)
         if name not in arrays or arrays[name].shape != shape:

@@ -87,6 +87,10 @@ def replay_log(path: str | Path) -> LogReplay:
             compared += 1
             differences += _differences(row, answers[answered])
         last = answered
+    if not np.isfinite(log.arrays["asked"]).any():
+        raise InvalidInputError(
+            f"{path}: nothing was asked of estimator and controller: the robot did not stand up"
+        )
     if not asked:
         raise InvalidInputError(
             f"{path}: does not reach back to where the estimator began; wbc hardware run --keep"
