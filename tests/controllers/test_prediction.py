@@ -8,6 +8,7 @@ import pytest
 import wbc
 from wbc.controllers.prediction import StatePrediction
 from wbc.errors import InvalidInputError
+from wbc.gait import Walker
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -83,3 +84,39 @@ def test_a_known_delay_is_as_good_as_none(hoap2: Robot) -> None:
     # It begins by what was measured at rest, before any command: 4 ticks, of 150, differ.
     assert np.abs(told - exact).max() < 0.02 * way
     assert np.abs(untold - exact).max() > 5.0 * np.abs(told - exact).max()
+
+
+@pytest.mark.parametrize("walks", [False, True])
+def test_a_reset_controller_begins_as_a_new_one(hoap2: Robot, walks: bool) -> None:
+    """It predicted the first ticks of another episode by the last torques of the one before."""
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    contacts = wbc.support(start, "double")
+    made, walker = None, None
+    if walks:
+        walker = Walker(hoap2, dt=DT, delay=2 * DT, solver="active_set")
+    else:
+        tasks = [wbc.ComTask(hoap2, start.com), wbc.PostureTask(hoap2, start.q, weight=0.1)]
+        settings = {"contacts": contacts, "dt": DT, "delay": 2 * DT, "solver": "active_set"}
+        made = wbc.TorqueController(hoap2, tasks, **settings)
+
+    def ticks(speed: float, place: float) -> Array:
+        q = np.array(start.q)
+        q[0] += place  # the walker notices by itself
+        here = hoap2.snapshot(q, np.r_[speed, np.zeros(hoap2.nv - 1)])
+        answers = []
+        for _ in range(4):
+            at = hoap2.snapshot(here.q, here.v)
+            step = walker.step if walker is not None else made.step
+            answers.append(step(at).torque)
+        return np.array(answers)
+
+    expected = ticks(0.0, 0.0)
+    ticks(0.3, 0.0)
+    if made is not None:
+        made.set_contacts(contacts[:1])
+        made.step(start)
+        made.reset()
+        assert [one.name for one in made.contacts] == [contacts[0].name]
+        made.set_contacts(contacts)
+        assert made.last_torque is None
+    np.testing.assert_allclose(ticks(0.0, 0.5 * walks), expected, atol=1e-8)

@@ -59,3 +59,8 @@ class StatePrediction:
     def record(self, acceleration: Array) -> None:
         """Add the acceleration (nv,) of the last command."""
         self._accelerations.append(acceleration)
+
+    def reset(self) -> None:
+        """Forget the commands: the robot was put elsewhere."""
+        self._accelerations.clear()
+        self._last = None

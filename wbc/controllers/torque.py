@@ -269,6 +269,21 @@ class TorqueController(Controller):
         check_snapshot(self.robot, snapshot)
         return self._prediction.predict(snapshot)
 
+    def reset(self) -> None:
+        """Forget the ticks before, where the robot is put elsewhere: after ``plant.reset(q)``.
+
+        Their torques led to another state: over a ``delay`` the first ticks would predict by them.
+        Contacts bear at once, and those being released are dropped. Targets, gains, contacts and
+        ``ticks`` stay.
+        """
+        if self._prediction is not None:
+            self._prediction.reset()
+        _, released = self._ramps.running
+        self._ramps, self._last, self._last_torque = ForceRamps(self.robot.weight), None, None
+        if released:
+            self._leaving_slack = {}
+            self._plan(tuple(one for one in self.contacts if one.name not in released))
+
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
 

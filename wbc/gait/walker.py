@@ -418,6 +418,7 @@ class Walker:
         if moved <= START_TOLERANCE:
             return
         if isinstance(self.phase, Standing):
+            self.controller.reset()
             self._push = PushObserver(self.gait.omega, self.gait.height)
             self._monitor = SpeedMonitor.of(self.gait.omega, self.gait.gravity)
             self._begin_at(snapshot, now)
