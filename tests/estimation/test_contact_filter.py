@@ -1,6 +1,6 @@
 """The invariant filter against the paper's matrices, finite differences and chi-square."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -164,3 +164,28 @@ def test_a_filter_refuses_what_is_no_state() -> None:
     f.hold(0, place, np.zeros((6, 6)))
     with pytest.raises(InvalidInputError, match="no positive covariance"):
         f.correct(0, place, np.zeros((6, 6)))
+
+
+def test_a_filter_takes_no_feet_in_the_air_and_no_numbers_that_are_none() -> None:
+    """A foot in the air corrected the estimate by an empty place; -1 was the last one's."""
+    f, place = ContactFilter(2), np.concatenate((np.zeros(3), np.eye(3).ravel()))
+    f.hold(0, place, np.eye(6))
+    kept = f.memory()[0].tobytes()
+    no_rotation = np.concatenate((np.zeros(3), 2.0 * np.eye(3).ravel()))
+    refused: dict[str, Callable[[], object]] = {
+        "foot 1 is not in contact": lambda: f.correct(1, place, np.eye(6)),
+        "foot 1 is not in contact; hold": lambda: f.foot(1),
+        "filter, foot: must be at least 0": lambda: f.foot(-1),
+        "filter, foot: must be at most 1": lambda: f.foot(5),
+        "not a rotation": lambda: f.correct(0, no_rotation, np.eye(6)),
+        "noise of a foot: is no covariance": lambda: f.hold(0, place, -np.eye(6)),
+        "filter, covariance: is no": lambda: f.reset(
+            np.eye(3), np.zeros(3), covariance=np.triu(np.ones((15, 15)))
+        ),
+        "filter, gate": lambda: f.correct(0, place, np.eye(6), gate=np.nan),
+        "filter, scale": lambda: f.predict(np.zeros(3), np.zeros(3), 0.01, scale=-1.0),
+    }
+    for said, wrong in refused.items():
+        with pytest.raises(InvalidInputError, match=said):
+            wrong()
+    assert f.memory()[0].tobytes() == kept

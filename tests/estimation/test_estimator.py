@@ -382,6 +382,8 @@ def test_what_it_cannot_be_is_a_typed_error(
         StateEstimator(hoap2, (ImuMount(), ImuMount()))
     with pytest.raises(WbcError, match="nowhere"):
         StateEstimator(hoap2, ImuMount(frame="nowhere"))
+    with pytest.raises(InvalidInputError, match=r"standing_time: 0.* more than 50000 messages"):
+        StateEstimator(hoap2, dt=1e-9)  # 1.3 TB of them
     with pytest.raises(InvalidInputError, match="estimator, history"):
         EstimatorSettings(history=-1)
     with pytest.raises(InvalidInputError, match="are its units g"):

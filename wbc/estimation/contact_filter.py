@@ -182,6 +182,7 @@ class ContactFilter:
 
     def foot(self, k: int) -> tuple[Array, Array]:
         """Return position (3,) and rotation (3, 3) of a foot in contact, world axes."""
+        k = self._held_foot(k)
         own = self._x[21 + 12 * k : 33 + 12 * k]
         return own[:3] + self._origin, own[3:].reshape(3, 3).copy()
 
@@ -213,8 +214,8 @@ class ContactFilter:
         state = np.concatenate((R.ravel(), *numbers))
         P = None
         if covariance is not None:
-            P = finite_array("filter, covariance", covariance, (STATE_SIZE, STATE_SIZE))
-        pointer = ffi.NULL if P is None else doubles(np.ascontiguousarray(P))
+            P = _covariance("filter, covariance", covariance, STATE_SIZE)
+        pointer = ffi.NULL if P is None else doubles(P)
         lib.wbc_filter_reset(self.struct, doubles(state), pointer)
 
     def predict(self, rate: Array, force: Array, dt: float, scale: float = 1.0) -> None:
@@ -233,10 +234,17 @@ class ContactFilter:
             finite_array("filter, force", force, (3,)),
         )
         step = finite_number("filter, dt", dt, least=0.0)
+        scale = finite_number("filter, scale", scale, least=0.0)
         lib.wbc_filter_predict(self.struct, *map(doubles, readings), step, scale)
 
     def hold(self, k: int, place: Array, noise: Array) -> None:
-        """Add a contact of foot ``k`` at its measured place; see :meth:`correct`."""
+        """Add a contact of foot ``k`` at its measured place; see :meth:`correct`.
+
+        Raises
+        ------
+        InvalidInputError
+            No such foot, place or covariance.
+        """
         lib.wbc_filter_hold(self.struct, self._foot(k), *map(doubles, _foot_arrays(place, noise)))
 
     def release(self, k: int) -> None:
@@ -263,9 +271,11 @@ class ContactFilter:
         ------
         InvalidInputError
             The innovation has no covariance, as with noise 0; something is NaN, or of another
-            shape; no such foot.
+            shape; no such foot, or none in contact.
         """
-        k, arrays, rows = self._foot(k), _foot_arrays(place, noise), (6 if rotation else 3)
+        k, arrays, rows = self._held_foot(k), _foot_arrays(place, noise), (6 if rotation else 3)
+        if not gate >= 0.0:
+            raise InvalidInputError(f"filter, gate: must be at least 0, got {gate:g}")
         out = doubles(self._result)
         status = lib.wbc_filter_correct(self.struct, k, *map(doubles, arrays), rows, gate, out)
         if status == lib.NOT_FINITE:
@@ -279,6 +289,12 @@ class ContactFilter:
         """Return a checked foot number: the core indexes memory by it."""
         return whole_number("filter, foot", k, most=self.feet - 1)
 
+    def _held_foot(self, k: int) -> int:
+        k = self._foot(k)
+        if not self._held[k]:
+            raise InvalidInputError(f"filter: foot {k} is not in contact; hold it first")
+        return k
+
     def memory(self) -> tuple[Array, Counts]:
         """Return the whole state, for :meth:`restore`."""
         return self._memory.copy(), self._held.copy()
@@ -290,5 +306,15 @@ class ContactFilter:
 
 def _foot_arrays(place: Array, noise: Array) -> tuple[Array, Array]:
     """Return checked place (12,) and covariance (6, 6) of a foot for the core."""
-    covariance = finite_array("filter, noise of a foot", noise, (6, 6))
-    return finite_array("filter, place of a foot", place, (12,)), np.ascontiguousarray(covariance)
+    found = finite_array("filter, place of a foot", place, (12,))
+    check_rotation("filter, place of a foot", found[3:].reshape(3, 3))
+    return found, _covariance("filter, noise of a foot", noise, 6)
+
+
+def _covariance(what: str, given: ArrayLike, size: int) -> Array:
+    """Return a covariance (size, size): symmetric and positive semidefinite, to rounding."""
+    P = np.ascontiguousarray(finite_array(what, given, (size, size)))
+    rounding = 1e-9 * np.abs(P).max()
+    if np.abs(P - P.T).max() > rounding or np.linalg.eigvalsh(P)[0] < -rounding:
+        raise InvalidInputError(f"{what}: is no covariance (symmetric, positive semidefinite)")
+    return P

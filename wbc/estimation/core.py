@@ -21,6 +21,7 @@ from wbc.robot.mounted_frames import Mount, mounted_places
 from wbc.validate import Array
 
 MAX_SPEED_RATIO = 3.0  # of a plausible joint speed by its limit
+MAX_WAITING = 50_000  # messages of the standing time
 BUFFER_FACTOR = 4  # of the messages buffered at the beginning, by those of the standing time
 # Settings of the same name in the core.
 CORE_SETTINGS = (
@@ -62,6 +63,11 @@ class EstimatorCore:
         if len(imus) > lib.MOST_IMUS:
             raise InvalidInputError(
                 f"estimator, imus: {len(imus)} of them; at most {lib.MOST_IMUS} are supported"
+            )
+        if s.standing_time > MAX_WAITING * dt:
+            raise InvalidInputError(
+                f"estimator, standing_time: {s.standing_time:g} s are more than {MAX_WAITING}"
+                f" messages {dt:g} s apart"
             )
         self.filter = ContactFilter(len(feet), s.noise, np.array(robot.model.gravity.linear))
         self.observer = MomentumObserver(robot, s.bandwidth)
