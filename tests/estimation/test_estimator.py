@@ -202,6 +202,18 @@ def test_a_gap_is_said_and_leaves_the_estimate_as_unsure_as_it_is(
     assert last.position_deviation > 0.05 * gone  # of where it is nobody tells any more
 
 
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+def test_an_imu_of_100_readings_a_second_has_no_gaps(
+    hoap2: Robot, sent: list[Measurement], start: float
+) -> None:
+    """Two of three readings were a gap of 10 ms, by the rounding of times."""
+    e = StateEstimator(hoap2, MOUNTS[0], dt=DT)
+    for k, one in enumerate(sent):
+        imus = () if k % 5 else one.imus
+        found = e.update(changed(one, time=start + one.time, imus=imus))
+        assert found is None or not found.notes
+
+
 def test_without_its_imu_an_estimate_is_less_sure(hoap2: Robot, sent: list[Measurement]) -> None:
     e = StateEstimator(hoap2, MOUNTS, dt=DT)
     before = fed(e, sent[:400])

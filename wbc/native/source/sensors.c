@@ -8,6 +8,7 @@ static const double LEEWAY = 5e-3;   /* rad or m: tolerance of a joint's motion 
 enum { AGREE = 5 };                  /* rejected readings in a row after which a joint is where they say */
 enum { FROZEN = 25 };                /* identical readings in a row that make an IMU frozen */
 static const double QUIET = 0.01;    /* s: an IMU may be slower than the messages */
+static const double ROUNDING = 1e-6; /* s: of intervals; times may be of the system's clock */
 static const double GUESSED = 100.0; /* variance of a held reading, by that of a fresh one */
 static const double STRAYS = 3.0;    /* m/s^2: change of a robot's acceleration while a reading is held */
 
@@ -113,7 +114,7 @@ static void replace_silent_imus(const wbc_estimator *e, const wbc_memory *m, int
     for (int64_t k = 0; k < e->imus; k++)
         if (HAS(*members, k) && m->heard[k] > latest) latest = m->heard[k];
     for (int64_t k = 0; k < e->imus; k++)
-        if (HAS(*members, k) && latest - m->heard[k] <= QUIET) left |= (int64_t)1 << k;
+        if (HAS(*members, k) && latest - m->heard[k] <= QUIET + ROUNDING) left |= (int64_t)1 << k;
     if (time - latest > e->timeout && now) {
         left = wbc_imus_on_link(e, lowest_member(now)) & now;
     } else
@@ -140,13 +141,14 @@ int wbc_read_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample 
             if (before[k] > previous) previous = before[k];
         }
     if (!m->has[leader]) return NO_IMU;
-    if (!(now & members) && s->time - latest > QUIET) wbc_report(e, HELD, leader, 1e3 * (s->time - latest));
+    if (!(now & members) && s->time - latest > QUIET + ROUNDING)
+        wbc_report(e, HELD, leader, 1e3 * (s->time - latest));
     wbc_mean_of_imus(e, leader, speaking, m->last, mean);
     memcpy(found->rate, mean, sizeof found->rate);
     memcpy(found->force, mean + 3, sizeof found->force);
     found->scale = (now & members ? 1.0 : GUESSED) / (double)count;
     const double gap = s->time - previous - (QUIET > 2.0 * *m->usual ? QUIET : 2.0 * *m->usual);
-    if (!(gap > 0.0)) return DONE;
+    if (!(gap > ROUNDING)) return DONE;
     if (now & members) wbc_report(e, GAP, leader, 1e3 * (s->time - previous));
     if (e->filter->accelerometer > 0.0) found->scale += STRAYS * STRAYS * gap / e->filter->accelerometer;
     return DONE;
