@@ -286,8 +286,16 @@ def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
     np.testing.assert_array_equal(found_q, np.concatenate((q[:7], reading.position)))
     np.testing.assert_array_equal(found_v, v)
     lacking = {key: values[1:] for key, values in mixed.items()}
-    with pytest.raises(InvalidInputError, match="JointState, position"):
+    with pytest.raises(InvalidInputError, match="JointState: no joint "):
         state_of(g1, lacking, base)
+    with pytest.raises(InvalidInputError, match=f"velocity: 0 numbers of {N} joints"):
+        state_of(g1, {**mixed, "velocity": []}, base)  # which ROS allows
+    pose = base["pose"]["pose"]
+    pose["orientation"] = dict(sorted(pose["orientation"].items()))  # w first, as JSON may have it
+    np.testing.assert_array_equal(state_of(g1, mixed, base)[0], found_q)
+    del pose["orientation"]["w"]
+    with pytest.raises(InvalidInputError, match="Odometry, orientation: no w"):
+        state_of(g1, mixed, base)
     message = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
     fill(message, {"header": joints["header"], "name": joints["name"]})
     assert message.header.stamp.nanosec == 42_000_000 and message.name == list(g1.joint_names)

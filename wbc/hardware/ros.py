@@ -7,16 +7,15 @@ message object. ``examples/ros2_node.py`` is a node.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from wbc.errors import InvalidInputError, listed
 from wbc.hardware.bus import Reading
 from wbc.hardware.robot_controller import configuration
 from wbc.robot import Robot
-from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array
 
 NANO = 1_000_000_000
@@ -96,26 +95,42 @@ def state_of(
 ) -> tuple[Array, Array]:
     """Return configuration (nq,) and velocity (nv,) of a ``JointState`` and an ``Odometry``.
 
-    Joints may come in any order; other joints are ignored.
+    Joints, and the entries of a vector, may come in any order; other joints are ignored.
 
     Raises
     ------
     InvalidInputError
-        A joint of the robot is missing, or numbers that are not finite.
+        A joint of the robot, a rate or another field is missing, or numbers that are not finite.
     """
     places = {name: k for k, name in enumerate(joints["name"])}
-    order = [places.get(name, -1) for name in robot.joint_names]
-    padded = {key: [*joints[key], math.nan] for key in ("position", "velocity")}
-    n = (len(order),)
+    without = [name for name in robot.joint_names if name not in places]
+    if without:
+        raise InvalidInputError(f"JointState: no joint {listed(without)} of {robot.name}")
+    order = [places[name] for name in robot.joint_names]
+    for key in ("position", "velocity"):
+        if len(joints[key]) != len(joints["name"]):  # ROS allows none
+            raise InvalidInputError(
+                f"JointState, {key}: {len(joints[key])} numbers of {len(joints['name'])} joints"
+            )
     position, rates = (
-        finite_array(f"JointState, {key}", np.array([values[k] for k in order]), n)
-        for key, values in padded.items()
+        finite_array(f"JointState, {key}", [joints[key][k] for k in order], (len(order),))
+        for key in ("position", "velocity")
     )
     pose, twist = base["pose"]["pose"], base["twist"]["twist"]
-    at = [*pose["position"].values(), *pose["orientation"].values()]
-    moving = [*twist["linear"].values(), *twist["angular"].values()]
-    q = configuration(robot, finite_array("Odometry, pose", at, (7,)), position)
-    return q, np.concatenate((finite_array("Odometry, twist", moving, (BASE_NV,)), rates))
+    parts = (pose, "position", "xyz"), (pose, "orientation", "xyzw")
+    moving = (twist, "linear", "xyz"), (twist, "angular", "xyz")
+    at, rate = ([_read(*part) for part in one] for one in (parts, moving))
+    q = configuration(robot, np.concatenate(at), position)
+    return q, np.concatenate((*rate, rates))
+
+
+def _read(fields: Mapping[str, Any], name: str, entries: str) -> Array:
+    vector = fields[name]
+    missing = [entry for entry in entries if entry not in vector]
+    if missing:
+        raise InvalidInputError(f"Odometry, {name}: no {listed(missing)}")
+    values = [vector[entry] for entry in entries]
+    return finite_array(f"Odometry, {name}", values, (len(entries),))
 
 
 def fill(message: Any, fields: Mapping[str, Any]) -> Any:
