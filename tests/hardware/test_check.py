@@ -180,6 +180,13 @@ def test_a_robot_that_says_nothing_is_an_error_with_what_to_look_at(
         listen(hanging, g1)
 
 
+def test_a_clock_in_steps_of_10_ms_is_told(g1: Robot, hanging: HangingRobot) -> None:
+    """The check ended in a ZeroDivisionError."""
+    hanging.change = lambda reading: replace(reading, time=int(reading.sequence / 5) * 5 * PERIOD)
+    with pytest.raises(WbcError, match="clock stands, or is too coarse"):
+        listen(hanging, g1)
+
+
 def test_a_joint_that_is_thrown_about_stops_the_check_in_words(
     g1: Robot, hanging: HangingRobot
 ) -> None:

@@ -53,7 +53,7 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
     Raises
     ------
     WbcError
-        Too few usable readings.
+        Too few usable readings, or most of the same time.
     """
     checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds
@@ -80,6 +80,11 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
     gaps, last = np.diff(arrivals), readings[-1]
     robot_gaps = np.diff([one.time for one in readings])
     period = float(np.median(robot_gaps))
+    if not period > 0.0:
+        raise WbcError(
+            "check: most readings have the time of the one before: the robot's clock stands, or is"
+            " too coarse; estimators drop such readings"
+        )
     lost = int(np.round(robot_gaps / period - 1.0).clip(0).sum())
     found = [
         CheckFinding("rate", 0.0 < period <= 0.005, f"{1.0 / period:.0f} readings a second"),
