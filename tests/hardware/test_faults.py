@@ -373,6 +373,8 @@ def test_an_interrupt_ends_a_loop_that_commands_nothing() -> None:
     rig = Rig()
     rig.loop.interrupted = lambda: True
     assert rig.loop.run(most=5.0).reason == "interrupted"
+    with pytest.raises(InvalidInputError, match="this loop has run"):
+        rig.loop.run(most=5.0)  # it returned the first result
 
 
 def test_commands_that_cannot_be_sent_stop_it(rig: Rig) -> None:
@@ -402,7 +404,7 @@ def test_a_bus_that_fails_stops_it_in_words(
 def test_an_error_of_an_operator_leaves_a_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = Rig(log=tmp_path / "log.npz")
+    rig = Rig(log=str(tmp_path / "log.npz"))  # type: ignore[arg-type]  # of text, too
     rig.start()
     monkeypatch.setattr(rig.loop._operator, "wish", lambda status: 1 / 0)
     with pytest.raises(ZeroDivisionError):

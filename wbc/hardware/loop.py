@@ -105,7 +105,7 @@ class HardwareLoop:
         motions: Motions,
         operator: Operator,
         *,
-        log: Path | None = None,
+        log: str | Path | None = None,
         keep: float | None = None,
         made_of: Mapping[str, Any] | None = None,
         watch: Callable[[RingLog], None] | None = None,
@@ -157,7 +157,15 @@ class HardwareLoop:
     # ------------------------------------------------------------------ run
 
     def run(self, most: float = np.inf) -> LoopResult:
-        """Run until the operator quits, the robot is gone, or ``most`` seconds have passed."""
+        """Run until the operator quits, the robot is gone, or ``most`` seconds have passed.
+
+        Raises
+        ------
+        InvalidInputError
+            It ran before: its controller and its log are closed.
+        """
+        if self._clock is not None:
+            raise InvalidInputError("hardware: this loop has run, and ended; make another")
         notes: tuple[str, ...] = ()
         with real_time(self._priority) as not_granted:
             self._clock = CycleClock(self.dt)

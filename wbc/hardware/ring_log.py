@@ -117,9 +117,15 @@ class LogWriter:
     """
 
     def __init__(
-        self, ring: RingLog, path: Path, rows: int, made_of: Mapping[str, Any], *, forked: bool
+        self,
+        ring: RingLog,
+        path: str | Path,
+        rows: int,
+        made_of: Mapping[str, Any],
+        *,
+        forked: bool,
     ) -> None:
-        self._ring, self._path, self._rows = ring, path, rows
+        self._ring, self._path, self._rows = ring, Path(path), rows
         self._made_of = json.dumps({"format": FORMAT, **made_of})
         self.written = list[Path]()
         self.errors = list[str]()

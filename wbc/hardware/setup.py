@@ -133,7 +133,7 @@ def loop_of(
     operator: Operator,
     *,
     estimator: str = "sensors",
-    log: Path | None = None,
+    log: str | Path | None = None,
     keep: float | None = None,
     watch: Callable[[RingLog], None] | None = None,
     forked: bool = True,
