@@ -5,6 +5,7 @@ import pickle
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -351,6 +352,28 @@ def test_sensors_that_fail_are_named_and_done_without(
         assert any(word in note for note in notes), (word, notes)
         assert np.allclose(found.q, good.q, atol=2e-3), word
         assert np.linalg.norm(found.v[:6]) < 0.02, word
+
+
+def test_encoders_of_continuous_joints_begin_anew_after_a_turn(
+    hoap2: Robot, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """At the wrap a joint was held for five messages, and turned at 900 rad/s."""
+    text = Path(str(hoap2.path)).read_text()
+    head = '<joint name="head_yaw" type='
+    (tmp_path / "r.urdf").write_text(text.replace(head + '"revolute"', head + '"continuous"'))
+    robot = Robot.load(tmp_path / "r.urdf")
+    k = robot.joint_names.index("head_yaw")
+    plain, wrapped = StateEstimator(robot, MOUNTS), StateEstimator(robot, MOUNTS)
+    for n, one in enumerate(messages(hoap2, 500, rng)):
+        joints = one.positions.copy()
+        joints[k] = np.pi - 0.1 + max(0.001 * (n - 300), 0.0)
+        expected = plain.update(changed(one, positions=joints.copy()))
+        joints[k] = np.remainder(joints[k] + np.pi, 2.0 * np.pi) - np.pi
+        found = wrapped.update(changed(one, positions=joints))
+    assert found is not None and expected is not None and not found.notes
+    np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
+    np.testing.assert_allclose(found.v, expected.v, atol=1e-9)
+    assert found.v[6 + k] == pytest.approx(0.5)
 
 
 def test_where_no_foot_is_still_the_slower_one_is_counted_on(

@@ -210,8 +210,10 @@ static int64_t mean_readings(const wbc_estimator *e, int64_t count, double *read
 /* Whether joints or base moved while messages were stored. */
 static int has_moved(const wbc_estimator *e, const wbc_sample *s, const double *rate) {
     if (sqrt(dot3(rate, rate)) > STILL) return 1;
-    for (int64_t j = 0; j < e->tree->nv - 6; j++)
-        if (fabs(s->positions[j] - e->wait[4 + j]) > STILL * e->standing_time) return 1;
+    for (int64_t i = 2; i < e->tree->joints; i++) {
+        const int64_t j = e->tree->iv[i] - 6;
+        if (fabs(wbc_joint_motion(e, i, e->wait[4 + j], s->positions[j])) > STILL * e->standing_time) return 1;
+    }
     return 0;
 }
 

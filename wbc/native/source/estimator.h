@@ -32,6 +32,8 @@ int wbc_read_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample 
 int64_t wbc_imus_on_link(const wbc_estimator *e, int64_t leader);
 /* Mean of the members' readings (imus, 6), in the axes of the leader. */
 void wbc_mean_of_imus(const wbc_estimator *e, int64_t leader, int64_t members, const double *readings, double *out);
+/* From one position of a joint of the tree to another: the short way where it turns on and on. */
+double wbc_joint_motion(const wbc_estimator *e, int64_t joint, double from, double to);
 /* Write joint positions (n) without jumps, and their rates. */
 void wbc_read_joints(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double dt, double *positions,
                      double *rates);

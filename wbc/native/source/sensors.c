@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-static const double LEEWAY = 5e-3;   /* rad or m: tolerance of a joint's motion */
+static const double LEEWAY = 5e-3;                 /* rad or m: tolerance of a joint's motion */
+static const double TURN = 6.28318530717958647692; /* rad */
 enum { AGREE = 5 };                  /* rejected readings in a row after which a joint is where they say */
 enum { FROZEN = 25 };                /* identical readings in a row that make an IMU frozen */
 static const double QUIET = 0.01;    /* s: an IMU may be slower than the messages */
@@ -34,16 +35,26 @@ int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions,
     return DONE;
 }
 
+double wbc_joint_motion(const wbc_estimator *e, int64_t joint, double from, double to) {
+    return e->tree->kind[joint] == CONTINUOUS ? remainder(to - from, TURN) : to - from;
+}
+
 void wbc_read_joints(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double dt, double *positions,
                      double *rates) {
     const int64_t n = e->tree->nv - 6;
     double *before = m->believed;
+    memcpy(positions, s->positions, n * sizeof *positions);
+    for (int64_t i = 2; m->counts[BELIEVES] && i < e->tree->joints; i++) { /* encoders begin anew after a turn */
+        const int64_t j = e->tree->iv[i] - 6;
+        if (e->tree->kind[i] == CONTINUOUS)
+            positions[j] = before[j] + wbc_joint_motion(e, i, before[j], positions[j]);
+    }
     for (int64_t j = 0; j < n; j++) {
-        const int jumped = m->counts[BELIEVES] && fabs(s->positions[j] - before[j]) > e->fastest[j] * dt + LEEWAY;
+        const int jumped = m->counts[BELIEVES] && fabs(positions[j] - before[j]) > e->fastest[j] * dt + LEEWAY;
         m->distrusted[j] = jumped ? m->distrusted[j] + 1 : 0;
         const int doubted = jumped && m->distrusted[j] < AGREE;
         if (doubted) wbc_report(e, JOINT_JUMPED, j, 0.0);
-        else before[j] = s->positions[j];
+        else before[j] = positions[j];
     }
     m->counts[BELIEVES] = 1;
     wbc_joint_rates(e->window, n, m->times, m->positions, m->counts + READINGS, s->time, before, rates);
