@@ -1,6 +1,7 @@
 """Limits that would never be exceeded are refused; what has another size is a fault, no crash."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -182,4 +183,25 @@ def test_a_jump_of_a_second_is_no_fault_of_the_accelerometer() -> None:
         force = np.array((noise, 0.0, noise if 500 < k < 950 else 9.81))
         now = reading(sequence=k + 1, time=DT * k, specific_force=force)
         now = replace(now, angular_velocity=np.full(3, noise))
+        assert checks.look_at(now, DT * k) == (True, ())
+
+
+def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(
+    hoap2: Robot, tmp_path: Path
+) -> None:
+    """Of joints without a range only: a robot was stopped where one passed half a turn."""
+    head = '<joint name="head_yaw" type='
+    text = Path(str(hoap2.path)).read_text().replace(head + '"revolute"', head + '"continuous"')
+    (tmp_path / "r.urdf").write_text(text)
+    robot, rate = Robot.load(tmp_path / "r.urdf"), 2.0
+    checks, still = SensorChecks(robot), robot.limits.joint_positions(robot.postures["standing"])
+    moves = np.arange(len(still)) == robot.joint_names.index("head_yaw")
+    others = {"torque": 0.0 * still, "temperature": 30.0 + 0.0 * still}
+    for k in range(200):
+        at = np.remainder(np.pi - 0.2 + rate * DT * k + np.pi, 2.0 * np.pi) - np.pi
+        noise = 1e-3 * (k % 7)
+        joints = {"position": np.where(moves, at, still), "velocity": rate * moves, **others}
+        now = reading(sequence=k + 1, time=DT * k, **joints)
+        force = np.array((noise, 0.0, 9.81))
+        now = replace(now, specific_force=force, angular_velocity=np.full(3, noise))
         assert checks.look_at(now, DT * k) == (True, ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 from typing import NamedTuple
@@ -57,6 +58,7 @@ class SensorChecks:
         limits, self._names = robot.limits, robot.joint_names
         self._lower, self._upper = limits.lower, limits.upper
         self._velocity, self._effort = limits.velocity, limits.effort
+        self._turns = np.flatnonzero(np.isinf(limits.lower) & np.isinf(limits.upper)).tolist()
         self._window = deque[Reading]()  # usable ones
         self._velocities, self._gyroscopes = np.zeros(len(self._names)), np.zeros(3)  # their sums
         self._offset: float | None = None  # of our clock from the robot's, smallest
@@ -194,7 +196,7 @@ class SensorChecks:
             return None
         # 5 rad/s beyond the measured velocity: the limits alone allow 0.06 rad.
         reach = POSITION_JUMP + elapsed * np.minimum(self._velocity, np.abs(last.velocity) + 5.0)
-        excess = np.abs(r.position - last.position) - reach
+        excess = np.abs(self._motion(last, r)) - reach
         if excess.max() > 0.0:
             return SensorFinding(Fault.JUMPED, self._names[excess.argmax()])
         angle = 2.0 * np.arccos(min(abs(float(r.quaternion @ last.quaternion)), 1.0))
@@ -202,13 +204,20 @@ class SensorChecks:
             return SensorFinding(Fault.JUMPED, "orientation")
         return None
 
+    def _motion(self, before: Reading, now: Reading) -> Array:
+        """Return how far joints moved (n,): encoders without a range begin anew after a turn."""
+        moved: Array = now.position - before.position
+        for k in self._turns:
+            moved[k] = math.remainder(moved[k], math.tau)
+        return moved
+
     # ------------------------------------------------------------------ inconsistent sensors
 
     def _compare_sensors(self, r: Reading) -> list[SensorFinding]:
         found = list[SensorFinding]()
         if self._window and r.time - self._window[0].time >= 0.8 * WINDOW:
             first, elapsed = self._window[0], r.time - self._window[0].time
-            rate = (r.position - first.position) / elapsed
+            rate = self._motion(first, r) / elapsed
             count = len(self._window) + 1
             mean = self._velocities / count
             off = np.abs(rate - mean) - RATE_OFFSET - RATE_RATIO * np.maximum(abs(rate), abs(mean))

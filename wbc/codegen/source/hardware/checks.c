@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+static const double TURN = 6.28318530717958647692; /* rad */
+
 void wbc_checks_start(wbc_checks *c) {
     memset(c, 0, sizeof *c);
     c->sequence = -1, c->gravity[2] = 9.81;
@@ -77,6 +79,12 @@ static int possible(const wbc_reading *r) {
     return 1;
 }
 
+/* How far a joint moved: encoders without a range begin anew after a turn. */
+static double motion(const wbc_reading *before, const wbc_reading *now, int j) {
+    const double moved = now->position[j] - before->position[j];
+    return isinf(wbc_limits.lower[j]) && isinf(wbc_limits.upper[j]) ? remainder(moved, TURN) : moved;
+}
+
 static int jumped(wbc_checks *c, const wbc_reading *r) {
     if (!c->count) return 0;
     const wbc_reading *last = past(c, c->count - 1);
@@ -91,7 +99,7 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
         const double measured = fabs(last->velocity[j]) + 5.0;
         const double reach =
             WBC_POSITION_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
-        if (fabs(r->position[j] - last->position[j]) - reach > 0.0) return 1;
+        if (fabs(motion(last, r, j)) - reach > 0.0) return 1;
     }
     for (int i = 0; i < 4; i++) along += r->quaternion[i] * last->quaternion[i];
     const double turn = 2.0 * acos(fabs(along) < 1.0 ? fabs(along) : 1.0);
@@ -128,7 +136,7 @@ static void compare_rates(const wbc_checks *c, const wbc_reading *r, wbc_safety 
     double before[9], now[9], D[9];
     int disagrees = 0;
     for (int j = 0; j < WBC_JOINTS; j++) {
-        const double rate = (r->position[j] - first->position[j]) / passed, reported = c->velocities[j] / count;
+        const double rate = motion(first, r, j) / passed, reported = c->velocities[j] / count;
         const double larger = fabs(rate) > fabs(reported) ? fabs(rate) : fabs(reported);
         disagrees |= fabs(rate - reported) - WBC_RATE_OFFSET - WBC_RATE_RATIO * larger > 0.0;
     }
