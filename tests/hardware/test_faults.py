@@ -666,3 +666,4 @@ def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPat
         assert not printed  # nobody waited
         goes_on.set()
     assert printed == ["damping: armed by hand", "standing up: asked to stand up"]
+    say("nothing more can be typed")  # as the command ends: a traceback of the keyboard's thread

@@ -143,7 +143,8 @@ def _printer(voice: Executor) -> Callable[[str], None]:
     voice.submit(int)  # starts its thread now, before there is a priority to inherit
 
     def say(text: str) -> None:
-        voice.submit(_print, text)
+        with suppress(RuntimeError):  # the keyboard's thread, as the command ends
+            voice.submit(_print, text)
 
     return say
 
