@@ -650,6 +650,15 @@ def test_a_reader_of_what_is_said_that_is_gone_ends_no_run(monkeypatch: pytest.M
     _print("damping: armed by hand")
 
 
+def test_a_log_that_will_be_replaced_is_told(tmp_path: Path) -> None:
+    """That of a fall was overwritten by the next run's, in silence."""
+    log, problem = tmp_path / "log.npz", tmp_path / "no.yaml"
+    for exists in (False, True):
+        told = wbc_command("hardware", "run", problem, "--log", log)
+        assert told.exit_code == 1 and ("replaces it" in told.output) == exists
+        log.touch()
+
+
 def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     """As by Ctrl-S: printing waited, and the robot braked after 20 ms."""
     goes_on, printed = threading.Event(), list[str]()

@@ -165,6 +165,8 @@ def _check_files(log: Path, report: Path | None) -> None:
         if path.suffix != suffix:
             raise InvalidInputError(f"{option} {path}: expected a name ending in {suffix}")
         check_place(option, path)
+    if log.exists():
+        print_note(f"--log {log}: is there already; a log of this run replaces it")
 
 
 def _print_result(result: LoopResult, report: Path | None, quiet: bool) -> None:
