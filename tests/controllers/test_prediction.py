@@ -49,11 +49,14 @@ def test_before_any_command_a_velocity_lasts(hoap2: Robot) -> None:
     np.testing.assert_array_equal(ahead.v, v)
 
 
-def test_a_delay_that_is_none_is_refused(hoap2: Robot) -> None:
+def test_a_delay_that_is_none_is_refused(hoap2: Robot, caplog: pytest.LogCaptureFixture) -> None:
     task = wbc.PostureTask(hoap2, hoap2.posture("standing"))
     for bad in (-0.001, float("nan")):
         with pytest.raises(InvalidInputError, match="controller, delay"):
             wbc.TorqueController(hoap2, [task], contacts=(), dt=DT, delay=bad)
+    assert not caplog.records
+    wbc.TorqueController(hoap2, [task], contacts=(), dt=DT, delay=4.0)
+    assert "a delay of 4 s" in caplog.text and "in s?" in caplog.text
 
 
 def test_a_known_delay_is_as_good_as_none(hoap2: Robot) -> None:
