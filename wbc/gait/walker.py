@@ -489,7 +489,7 @@ class Walker:
         if limit >= self.limits.forwards or speed < SLOW * gait.gravity / gait.omega:
             return
         self._monitor = self._monitor.reduced()
-        reasons = ("what it was seen to sustain", *self.limits.why[1:])
+        reasons = ("speed that it was seen to sustain", *self.limits.why[1:])
         self.limits = replace(self.limits, forwards=limit, why=reasons)
         self.wanted = self.limits.admit(*self.wanted).velocity
         note = f"{speed:.2f} m/s was not sustained, {why}: at most {limit:.2f} m/s from then on"
