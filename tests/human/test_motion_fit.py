@@ -24,6 +24,7 @@ from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
 from wbc.human.marker_identification import identify_markers
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
+from wbc.motion import RmpSeries
 from wbc.motion.table import RecordingError
 
 BODY = HumanBody.of(1.76, 72.0, "male")
@@ -271,8 +272,8 @@ def test_frames_with_a_foot_over_the_edge_of_a_plate_are_not_compared(marched: M
     assert over.sum() > 20 and frames[2] <= frames[0] - over.sum()
 
 
-def test_plate_with_its_cop_under_one_foot_does_not_carry_the_other() -> None:
-    """Without corners nothing else tells that the other foot stands beside the plate."""
+def quiet_stand() -> tuple[RmpSeries, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a human who stands for 2 s: its series, times, force, and where the feet are."""
     moment = np.arange(200) / 100.0
     high = BODY.size("thigh") + BODY.size("shank") + ANKLE_HEIGHT * BODY.scale
     place_ = np.column_stack((0.005 * np.sin(3.0 * moment), 0.0 * moment, np.full(200, high)))
@@ -281,14 +282,31 @@ def test_plate_with_its_cop_under_one_foot_does_not_carry_the_other() -> None:
     series = wbc.analyze(human.motion, cutoff=4.0, noise=None, feet=None)
     time, robot = human.motion.time, human.motion.robot
     q = configurations_of(human)[0]
-    left, right = (robot.snapshot(q).position(robot.feet[s].frame) for s in ("left", "right"))
-    force = np.tile((0.0, 0.0, robot.weight), (len(time), 1))
+    feet = np.array([robot.snapshot(q).position(robot.feet[s].frame) for s in ("left", "right")])
+    return series, time, np.tile((0.0, 0.0, robot.weight), (len(time), 1)), feet
+
+
+def test_plate_with_its_cop_under_one_foot_does_not_carry_the_other() -> None:
+    """Without corners nothing else tells that the other foot stands beside the plate."""
+    series, time, force, feet = quiet_stand()
     down = np.ones((len(time), 2), dtype=bool)
     found = []
-    for spot in (left, 0.5 * (left + right)):
+    for spot in (feet[0], feet.mean(axis=0)):
         plate = ForcePlate("plate", time, force, np.cross(spot, force))
         found.append(compared(series, (plate,), down, time))
     assert found[0] is None and found[1] is not None and len(found[1].time) > 20
+
+
+def test_noise_of_an_empty_plate_is_no_load() -> None:
+    series, time, force, feet = quiet_stand()
+    plate = ForcePlate("plate", time, force, np.cross(feet.mean(axis=0), force))
+    clock = np.linspace(time[0], time[-1], 2000)
+    noise = np.random.default_rng(0).normal(scale=8.0, size=(2000, 3))  # more than 20 N in 12
+    down = np.ones((len(time), 2), dtype=bool)
+    plates = (plate, ForcePlate("empty", clock, noise, np.cross((2.0, 0.0, 0.0), noise)))
+    found, alone = (compared(series, some, down, time) for some in (plates, (plate,)))
+    assert found is not None and alone is not None
+    np.testing.assert_array_equal(found.time, alone.time)
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array
 
 MIN_PLATE_FORCE = 20.0  # N: a plate with less is unloaded
+LOAD_CUTOFF = 20.0  # Hz, of the forces by which it is: above is the noise of amplifiers
 MAX_COP_DISTANCE = 0.15  # m, of a plate's CoP from a sole that stands on it
 MAX_OVERHANG = 0.02  # m: a sole farther over the plates' edge stands partly beside them
 MIN_EXCLUSIVE = 0.5  # s of the CoP under only one foot: then the other is not on that plate
@@ -180,7 +181,8 @@ def _measured(
         f, m = _resampled(plate, time, series.cutoff)
         force, moment = force + f, moment + m
         inside &= (time >= plate.time[0]) & (time <= plate.time[-1])
-        raw, raw_moment = _resampled(plate, time, None)
+        rate = 1.0 / float(np.median(np.diff(plate.time)))
+        raw, raw_moment = _resampled(plate, time, min(LOAD_CUTOFF, 0.45 * rate))
         loaded = raw[:, 2] > MIN_PLATE_FORCE
         vertical = np.where(loaded, raw[:, 2], 1.0)[:, None]
         cop = np.column_stack((-raw_moment[:, 1], raw_moment[:, 0])) / vertical
