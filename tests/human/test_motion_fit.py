@@ -301,7 +301,7 @@ def test_noise_of_an_empty_plate_is_no_load() -> None:
     series, time, force, feet = quiet_stand()
     plate = ForcePlate("plate", time, force, np.cross(feet.mean(axis=0), force))
     clock = np.linspace(time[0], time[-1], 2000)
-    noise = np.random.default_rng(0).normal(scale=8.0, size=(2000, 3))  # more than 20 N in 12
+    noise = np.random.default_rng(0).normal(scale=20.0, size=(2000, 3))
     down = np.ones((len(time), 2), dtype=bool)
     plates = (plate, ForcePlate("empty", clock, noise, np.cross((2.0, 0.0, 0.0), noise)))
     found, alone = (compared(series, some, down, time) for some in (plates, (plate,)))
