@@ -10,6 +10,7 @@ from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
+from wbc.human.comparison import plates_mass
 from wbc.human.fit import (
     PELVIS_TILT,
     MarkerSet,
@@ -307,6 +308,18 @@ def test_noise_of_an_empty_plate_is_no_load() -> None:
     found, alone = (compared(series, some, down, time) for some in (plates, (plate,)))
     assert found is not None and alone is not None
     np.testing.assert_array_equal(found.time, alone.time)
+
+
+def test_human_who_sits_at_times_has_the_mass_of_the_other_times_with_a_note() -> None:
+    series, time, force, feet = quiet_stand()
+    down, spot = np.ones((len(time), 2), dtype=bool), feet.mean(axis=0)
+    sits = force * np.where(time < 0.7, 0.2, 1.0)[:, None]
+    weighed = [
+        plates_mass(series, (ForcePlate("plate", time, one, np.cross(spot, one)),), down)
+        for one in (force, sits)
+    ]
+    assert [mass for mass, _ in weighed] == pytest.approx([72.0, 72.0], rel=0.01)
+    assert not weighed[0][1] and "something else, as a seat, carries" in weighed[1][1][0]
 
 
 @pytest.mark.slow

@@ -31,6 +31,9 @@ MIN_EXCLUSIVE = 0.5  # s of the CoP under only one foot: then the other is not o
 TOUCHDOWN_TOLERANCE = 0.06  # s between a touchdown on a plate and by the motion
 FILTER_REACH = 0.4  # of the low-pass' period: reach of an unmeasured force into other frames
 MIN_FRAMES = 5
+# Standard deviation of the weighed mass over frames, by the mass: 0.02 to 0.05 in walks, 0.08 in
+# runs. With more something else carries the human in some frames.
+MAX_MASS_SPREAD = 0.1
 MAX_STRAY = 0.25  # of the frames with plate forces; more away from feet are noted
 MIN_LOAD = 0.3  # of the weight: with less both CoPs are ill-defined
 MIN_FORCE_CHANGE = 0.1  # of its peak: a vertical force that changes less tells no delay
@@ -129,8 +132,8 @@ def plates_mass(
 ) -> tuple[float | None, tuple[str, ...]]:
     """Return a human's mass [kg]: the plates' vertical force by g + c'', both summed over time.
 
-    None if the plates never measure all of the force. And a note if one often pushes away from the
-    feet.
+    None if the plates never measure all of the force. And notes: if a plate often pushes away from
+    the feet, and if the mass varies, as of a human who sits at times; then it is the median.
 
     Parameters
     ----------
@@ -149,7 +152,16 @@ def plates_mass(
     if complete.sum() < MIN_FRAMES:
         return None, notes
     per_mass = STANDARD_GRAVITY + series.com_acceleration[complete, 2]
-    return float(force[complete, 2].sum() / per_mass.sum()), notes
+    up = force[complete, 2]
+    each = up / np.maximum(per_mass, MIN_LOAD * STANDARD_GRAVITY)
+    if each.std() < MAX_MASS_SPREAD * each.mean():
+        return float(up.sum() / per_mass.sum()), notes
+    least, mass, most = np.quantile(each, (0.05, 0.5, 0.95))
+    return float(mass), (
+        *notes,
+        f"force plates carry {least:.0f} to {most:.0f} kg: something else, as a seat, carries the"
+        " human at times, or their clock is not the markers'; the median is taken, give mass",
+    )
 
 
 def _over_the_edge(plates: tuple[ForcePlate, ...], corners: Array) -> Bools:
