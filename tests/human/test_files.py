@@ -67,9 +67,10 @@ def march(tmp_path: Path) -> March:
 
 
 def _with(
-    path: Path, group: str, *, points: float = 1.0, moments: float = 1.0, **values: object
-) -> None:
-    """Write a C3D file again with other parameters, and its data times these factors."""
+    path: Path, group: str, *, points: float = 1.0, moments: float = 1.0, readings: float = 0.0,
+    **values: object,
+) -> None:  # fmt: skip
+    """Write a C3D file again with other parameters, its data times factors, with an offset."""
     import ezc3d
 
     file = ezc3d.c3d(str(path))
@@ -77,6 +78,7 @@ def _with(
         file.add_parameter(group, name, value)
     file["data"]["points"][:3] *= points
     file["data"]["analogs"][:, 3:] *= moments
+    file["data"]["analogs"] += readings
     file.write(str(path))
 
 
@@ -95,12 +97,22 @@ def test_c3d_with_a_plate_is_read(march: March) -> None:
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
-def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(march: March) -> None:
+@pytest.mark.parametrize("offset", [0, 40000])
+def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(
+    march: March, offset: int
+) -> None:
     path, true = march
-    _with(path, "ANALOG", FORMAT=["UNSIGNED"])
+    _with(path, "ANALOG", FORMAT=["UNSIGNED"], readings=float(offset))
+    data = bytearray(path.read_bytes())
+    at = data.index(b"OFFSET") + len("OFFSET") + 2
+    kind, dimensions = data[at : at + 2]
+    assert (kind, dimensions) == (2, 1)
+    word = offset - 65536 if offset > 32767 else offset  # they have a sign
+    struct.pack_into("<6h", data, at + 3, *6 * [word])
+    path.write_bytes(data)
     plate = read_markers(path).plates[0]
     found = np.hstack((plate.force, plate.moment))
-    np.testing.assert_allclose(-found, true, rtol=1e-5, atol=1e-2)
+    np.testing.assert_allclose(-found, true, rtol=1e-5, atol=2e-2)
 
 
 def test_c3d_with_truncated_unit_word_is_read_in_metres(march: March) -> None:

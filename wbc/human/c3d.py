@@ -155,8 +155,10 @@ def _scaled(file: C3dFile, signals: Array) -> Array:
         given = file.numbers(name).ravel(order="F")[:count]
         values[: len(given)] = given
     unsigned = "UNSIGNED" in [text.upper() for text in file.texts("ANALOG:FORMAT")]
-    if unsigned and not file.real:  # only words of 16 bits are without a sign; floats have theirs
-        offset, signals = offset % 65536, np.where(signals < 0.0, signals + 65536.0, signals)
+    if unsigned:
+        offset %= 65536  # parameters are words of 16 bits with a sign
+        if not file.real:
+            signals = np.where(signals < 0.0, signals + 65536.0, signals)
     with np.errstate(all="ignore"):
         return np.asarray((signals - offset) * scale * gain)
 
