@@ -271,6 +271,8 @@ def test_motion_unlike_the_human_is_noted(crouch: wbc.Retargeted) -> None:
     assert "CoM correlates by -1.00 along z" in note and "along x" not in note
     still = replace(crouch.targets, human_com=human * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.3])
     assert dissimilarity_notes(replace(same, targets=still)) == []  # it correlates by chance
+    statue = replace(crouch.targets, angular_momentum=1e-9 * k[::-1])
+    assert dissimilarity_notes(replace(same, targets=statue)) == []
     assert (
         f"moves by {1e3 * np.ptp(human[:, 2]):.0f} mm" in note
         and "momentum" not in note.split(";")[0]
@@ -339,3 +341,5 @@ def test_bad_arguments_are_refused(hoap2: Robot) -> None:
         wbc.retarget(human, hoap2, links={"left_hand": "left_hand"})
     with pytest.raises(wbc.WbcError, match="two feet"):
         wbc.retarget(human, Robot.load("hoap2_like", feet={}))
+    with pytest.raises(wbc.WbcError, match=r"CoM is 1.* m below the ground"):  # a handstand's
+        wbc.retarget(replace(human, ground_height=2.0), hoap2)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.errors import InvalidInputError
 from wbc.gait.legs import SIDES
 from wbc.human import HumanMotion
 from wbc.human.contacts import SHORTEST, feet_down
@@ -80,6 +81,11 @@ def human_frames(
     """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz].
 
     Half a period of the cutoff is left out at both ends, unless little would be left.
+
+    Raises
+    ------
+    InvalidInputError
+        A human whose CoM is below its feet, as in a handstand.
     """
     series = analyze(
         human.motion,
@@ -89,6 +95,12 @@ def human_frames(
         feet=None,  # its CoP is not needed
         ground_height=human.ground_height,
     )
+    height = float(series.com[:, 2].mean()) - human.ground_height
+    if height <= 0.0:
+        raise InvalidInputError(
+            f"retarget: the human's CoM is {-height:.2f} m below the ground, which is where the feet"
+            " are lowest: it stands on no feet; cut the recording, or check which axis is up"
+        )
     # Filters extrapolate at the ends of a recording.
     dropped = round(DROPPED_PERIODS / series.cutoff * rate) if series.cutoff else 0
     inner = slice(dropped, len(series) - dropped)

@@ -36,6 +36,7 @@ STRAIGHT_WALK = 0.9  # distance of the CoM between both ends by the length of it
 MAX_DISPLACEMENT, SATURATION_POWER = 0.15, 8
 # Its standard deviation along an axis by the human CoM's: a third makes both correlate by 0.95.
 MAX_DEVIATION = 0.3
+NOTED_WIDENING = 5e-4  # m
 MAX_FORWARD_SHIFT = 0.08  # of the CoM over the feet, by the legs' length
 
 
@@ -105,7 +106,7 @@ def scaled_targets(
     com = _scaled_com(source, setup, scale, scaling)
     human_com = com.copy()
     com[:, 2] += _arm_rise(source, setup, scale) - lowering
-    if feet.widening > 0.0:
+    if feet.widening > NOTED_WIDENING:
         why = "for legs that cannot roll the soles" if feet.line_feet else "to pass each other"
         notes += (f"feet set {1e3 * feet.widening:.0f} mm farther outwards each, {why}",)
     notes += feet.notes

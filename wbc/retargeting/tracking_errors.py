@@ -21,6 +21,7 @@ from wbc.validate import Array
 
 MIN_CORRELATION, MAX_AXIS_ERROR = 0.95, 10.0  # 1, deg; a motion beyond is noted
 MIN_COM_MOTION = 5e-3  # of the CoM's height: a motion by less correlates by chance
+MIN_MOMENTUM = 1e-4  # the same of angular momentum, by m h sqrt(g h): 4e-4 while a human stands
 MAX_LIMB_ERROR = 60.0  # deg: an arm that is told to be elsewhere; of human walks up to 30
 MAX_PENETRATION = 5e-3  # m, of soles below the ground; more is noted
 MIN_GAP = 0.2  # between second moments, by the largest: axes of closer ones are ill-defined
@@ -124,8 +125,10 @@ def dissimilarity_notes(found: Retargeted) -> list[str]:
         for axis, c, way in zip("xyz", found.com_correlation, np.ptp(human, axis=0), strict=True)
         if c < MIN_CORRELATION and way > least
     ]
+    height = float(np.mean(human[:, 2]))
+    least = MIN_MOMENTUM * found.robot.mass * height * np.sqrt(found.robot.gravity * height)
     c = float(correlations(*(one.reshape(-1, 1) for one in both))[0])
-    if c < MIN_CORRELATION:
+    if c < MIN_CORRELATION and np.abs(both[1]).max() > least:
         parts.append(f"the angular momentum correlates by {c:.2f}")
     parts += [
         f"the long axis is up to {one.largest:.0f} degrees off, at {one.at:.2f} s"
