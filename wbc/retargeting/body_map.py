@@ -82,9 +82,9 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     """Return the frames of a robot that correspond to a human's pelvis, trunk, head and arms.
 
     The pelvis is the link that carries both legs. Arms are the chains that end farthest to the left
-    and to the right of the base, legs aside, if there are two; the trunk is the link that carries both; the elbow is
-    the joint that shortens its arm most; the head is the end of a chain in the middle that begins
-    at the trunk.
+    and to the right of the base, legs aside, if there are two; the trunk is the link that carries
+    both; the elbow is the joint that shortens its arm most; the head is the end of a chain in the
+    middle that begins at the trunk.
 
     Parameters
     ----------
@@ -118,8 +118,8 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     for side in SIDES:
         if f"{side}_hand" not in found:
             notes.append(
-                f"{robot.name} has no {side} arm that could be found (arms are found in pairs): it is"
-                " left out; links may name its four frames"
+                f"{robot.name} has no {side} arm that could be found (arms are found in pairs): it"
+                " is left out; links may name its four frames"
             )
             continue
         names = [found[f"{side}_{part}"] for part in ARM_PARTS]

@@ -98,8 +98,8 @@ def human_frames(
     height = float(series.com[:, 2].mean()) - human.ground_height
     if height <= 0.0:
         raise InvalidInputError(
-            f"retarget: the human's CoM is {-height:.2f} m below the ground, which is where the feet"
-            " are lowest: it stands on no feet; cut the recording, or check which axis is up"
+            f"retarget: the human's CoM is {-height:.2f} m below the ground, which is where the"
+            " feet are lowest: it stands on no feet; cut the recording, or check which axis is up"
         )
     # Filters extrapolate at the ends of a recording.
     dropped = round(DROPPED_PERIODS / series.cutoff * rate) if series.cutoff else 0
