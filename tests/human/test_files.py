@@ -281,7 +281,7 @@ def test_mot_plates_are_read(tmp_path: Path) -> None:
     rows = [
         "0.0 10 700 -5 0.1 0 0.2 0 3 0",
         "0.1 20 800 5 0.1 0 0.2 0 4 0",
-        "0.2 0 1 0 9 0 9 0 0 0",
+        "0.2 0 1 0 NaN 0 9 0 nan 0",
     ]
     names = [f"ground_{k}" for k in ("force_vx", "force_vy", "force_vz", "force_px", "force_py")]
     names += ["ground_force_pz", *(f"ground_torque_{axis}" for axis in "xyz")]
@@ -296,6 +296,20 @@ def test_mot_plates_are_read(tmp_path: Path) -> None:
     assert not plate.force[2].any() and not plate.moment[2].any()  # 1 N: its point is noise
     up = found.upright("y").plates[0]
     assert up.force[0].tolist() == [10.0, 5.0, 700.0]
+
+
+@pytest.mark.parametrize("form", ["ground_force_1_{} ground_moment_1_m{}", "FP1_{} FP1_moment_{}"])
+def test_mot_columns_of_other_programs_are_read(tmp_path: Path, form: str) -> None:
+    """Among them those of OpenSim's C3D adapter, whose torque is that at the plate's middle."""
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    push, turn = form.split()
+    names = [push.format(kind + axis) for kind in "vp" for axis in "xyz"]
+    names += [turn.format(axis) for axis in "xyz"]
+    rows = "0.0 10 700 -5 0.1 0 0.2 7 3 9\n0.1 20 800 5 0.1 0 0.2 0 4 0\n"
+    (tmp_path / "a.mot").write_text(f"endheader\ntime {' '.join(names)}\n{rows}")
+    (plate,) = read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot").plates
+    expected = np.cross((0.1, 0.0, 0.2), (10.0, 700.0, -5.0)) + (7.0, 3.0, 9.0)
+    np.testing.assert_allclose(plate.moment[0], expected)
 
 
 def test_trc_separated_by_commas_is_read(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from wbc.validate import Array
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
 MAX_MARKERS = 1000
 MIN_FORCE = 10.0  # N: below it a plate's CoP is noise, and its force is set to 0
+_COLUMN, _WORD = re.compile("(.*?)_?([vpm]?)([xyz])"), re.compile("_?(force|torque|moment)")
 
 
 def read_trc(path: Path) -> MarkerRecording:
@@ -82,7 +83,8 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     """Return the force plates of an OpenSim MOT or STO file.
 
     Columns ``..._vx`` to ``..._vz`` are the force, ``..._px`` to ``..._pz`` its point, and those
-    with ``torque`` or ``moment`` in their names the free torque there, in N, m and N m.
+    with ``torque`` or ``moment`` in their names the torque there, in N, m and N m. Points and
+    torques of an unloaded plate may be missing.
 
     Raises
     ------
@@ -98,10 +100,7 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     if names[0] != "time":
         raise RecordingError("its first column is not time", source)
     rows = _rows([line.replace("\t", " ") for line in lines], head + 1, len(names), source)
-    if not np.isfinite(rows).all():
-        bad = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
-        raise RecordingError("a number is missing", source, None, bad + 1)
-    if not (np.diff(rows[:, 0]) > 0.0).all():
+    if not np.isfinite(rows[:, 0]).all() or not (np.diff(rows[:, 0]) > 0.0).all():
         raise RecordingError("times must increase from row to row", source, "time")
     columns = _by_plate(names)
     if not columns:
@@ -114,7 +113,11 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
         force, point, torque = (
             rows[:, found[kind]] if kind in found else np.zeros((len(rows), 3)) for kind in "vpt"
         )
-        loaded = np.linalg.norm(force, axis=1) > MIN_FORCE
+        loaded = ~(np.linalg.norm(force, axis=1) <= MIN_FORCE)
+        missing = loaded & ~np.isfinite(np.hstack((force, point, torque))).all(axis=1)
+        if missing.any():
+            row = int(np.flatnonzero(missing)[0]) + 1
+            raise RecordingError(f"a number of {plate} is missing", source, None, row)
         force = np.where(loaded[:, None], force, 0.0)
         moment = np.where(loaded[:, None], np.cross(point, force) + torque, 0.0)
         plates.append(ForcePlate(plate, rows[:, 0], force, moment))
@@ -122,18 +125,26 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
 
 
 def _by_plate(names: list[str]) -> dict[str, dict[str, list[int]]]:
-    """Return columns x, y, z of force v, point p and torque t by plate; those that have a force."""
-    found = dict[str, dict[str, list[int]]]()
+    """Return columns x, y, z of force v, point p and torque t by plate; those that have a force.
+
+    Names have the word force, torque or moment (``ground_moment_1_mx``), or are a plate's with a
+    force and a point (``FP1_vx``, ``FP1_px``).
+    """
+    found, called = dict[str, dict[str, list[int]]](), dict[str, str]()
     for k, name in enumerate(names):
-        plain = name.replace("torque", "force").replace("moment", "force")
-        if name[-1:] not in ("x", "y", "z") or "force" not in plain:
+        match = _COLUMN.fullmatch(name)
+        if match is None:
             continue
-        kind = "t" if plain != name else name[-2:-1]
-        plate = (plain[:-1] if kind == "t" else plain[:-2]).strip("_")
-        if kind in "vpt":
-            found.setdefault(plate, {}).setdefault(kind, [-1, -1, -1])["xyz".index(name[-1])] = k
-    return {
-        plate: {kind: columns for kind, columns in kinds.items() if -1 not in columns}
+        stem, letter, axis = match.groups()
+        turns = "torque" in stem or "moment" in stem
+        kind = "t" if turns else letter
+        if kind in ("v", "p", "t"):
+            plate = _WORD.sub("", stem)
+            found.setdefault(plate, {}).setdefault(kind, [-1, -1, -1])["xyz".index(axis)] = k
+            if kind == "v":
+                called[plate] = stem
+    whole = {
+        called.get(plate, plate): {kind: c for kind, c in kinds.items() if -1 not in c}
         for plate, kinds in found.items()
-        if -1 not in kinds.get("v", [-1])
     }
+    return {n: c for n, c in whole.items() if "v" in c and ("force" in n or "p" in c)}
