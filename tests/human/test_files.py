@@ -115,10 +115,11 @@ def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(
     np.testing.assert_allclose(-found, true, rtol=1e-5, atol=2e-2)
 
 
-def test_c3d_with_truncated_unit_word_is_read_in_metres(march: March) -> None:
+@pytest.mark.parametrize(("word", "factor"), [("mete", 1e-3), ("millimeters", 1.0), ("cent", 0.1)])
+def test_c3d_with_unit_words_is_read(march: March, word: str, factor: float) -> None:
     path, _ = march
     before = read_markers(path)
-    _with(path, "POINT", UNITS=["mete"], points=1e-3)
+    _with(path, "POINT", UNITS=[word], points=factor)
     np.testing.assert_allclose(read_markers(path).positions, before.positions, atol=1e-6)
 
 
@@ -155,6 +156,19 @@ def test_c3d_with_column_of_field_numbers_is_read(march: March) -> None:
     first, last = (np.array(((value,), (0.0,))) for value in (1.0, 20.0))
     _with(path, "TRIAL", ACTUAL_START_FIELD=first, ACTUAL_END_FIELD=last)
     assert len(read_markers(path).time) == 20
+
+
+def test_plates_with_the_same_corners_are_noted(march: March) -> None:
+    path, _ = march
+    assert not any("same corners" in note for note in read_markers(path).notes)
+    twice = {
+        "CORNERS": np.repeat(1e3 * DOWN.T[:, :, None], 2, axis=2),
+        "ORIGIN": np.array(((0.0, 0.0), (0.0, 0.0), (-40.0, -40.0))),
+        "CHANNEL": np.repeat(np.arange(1.0, 7.0)[:, None], 2, axis=1),
+    }
+    _with(path, "FORCE_PLATFORM", USED=[2.0], TYPE=[2.0, 2.0], **twice)
+    (note,) = read_markers(path).notes
+    assert "force plate 1 and plate 2 have the same corners" in note
 
 
 def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(march: March) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,11 @@ from wbc.motion.table import read_bytes
 from wbc.validate import Array
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1}
+WORDS = {"met": "m", "mill": "mm", "cent": "cm"}  # which may be cut off
 MAX_POINTS = 1000
 MAX_RATE = 1e6  # Hz
 MIN_SIDE = 1e-3  # m, of a plate
+MIN_LOAD = 50.0  # N, of a plate that is used
 CORNER_TOLERANCE = 1.05  # factor: an origin in a corner, as treadmills have it, may be rounded
 
 
@@ -44,7 +47,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     with np.errstate(all="ignore"):  # points that are not finite were not seen
         marked, analog = _data(file, frames, points, per_frame)
     unit = next(iter(file.texts("POINT:UNITS")), "mm").lower()
-    unit = "m" if unit.startswith("met") else unit  # metres, which may be cut off
+    unit = next((short for word, short in WORDS.items() if unit.startswith(word)), unit)
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
     labels, columns, repeated = _labels(file, points)
@@ -144,7 +147,20 @@ def _plates(
             notes += more
         except (InvalidInputError, IndexError, ValueError) as error:
             notes.append(f"force plate {k + 1} was left out: {error}")
-    return tuple(plates), tuple(notes)
+    return tuple(plates), (*notes, *_overlap_notes(plates))
+
+
+def _overlap_notes(plates: list[ForcePlate]) -> list[str]:
+    """Return a note on loaded plates that are said to be at the same place."""
+    loaded = [one for one in plates if np.abs(one.force).max() > MIN_LOAD]
+    same = [
+        f"{a.name} and {b.name}"
+        for a, b in combinations(loaded, 2)
+        if a.corners is not None and b.corners is not None
+        if np.linalg.norm(a.corners.mean(axis=0) - b.corners.mean(axis=0)) < MIN_SIDE
+    ]
+    what = f"force {listed(same, 4)} have the same corners"
+    return [f"{what}: all but one are elsewhere, and so is their CoP"] if same else []
 
 
 def _scaled(file: C3dFile, signals: Array) -> Array:
