@@ -22,7 +22,7 @@ from wbc.human.fit import (
 )
 from wbc.human.kinematics import Poses, forward_kinematics, rotations
 from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
-from wbc.human.marker_identification import identify_markers
+from wbc.human.marker_identification import identify_markers, with_labels_of
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion import RmpSeries
@@ -308,6 +308,16 @@ def test_noise_of_an_empty_plate_is_no_load() -> None:
     found, alone = (compared(series, some, down, time) for some in (plates, (plate,)))
     assert found is not None and alone is not None
     np.testing.assert_array_equal(found.time, alone.time)
+
+
+@pytest.mark.parametrize("given", ["cal:{}", "P01_{}", "{}"])
+def test_markers_of_a_static_trial_are_those_of_the_recording(given: str) -> None:
+    recording, _ = recorded(BODY, seconds=0.2)
+    others = {"LKNE": "lkne", "RKNE": "RKNE_med"}
+    labels = tuple(given.format(others.get(label, label)) for label in recording.labels)
+    found = with_labels_of(replace(recording, labels=labels), recording)
+    expected = ["RKNE_med" if label == "RKNE" else label for label in recording.labels]
+    assert list(found.labels) == expected
 
 
 def test_human_who_sits_at_times_has_the_mass_of_the_other_times_with_a_note() -> None:

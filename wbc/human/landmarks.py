@@ -237,7 +237,7 @@ def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
     What most labels begin with, as the subject in ``Anna_LASI``, is left out. With both hips and
     nothing else on the pelvis, joints are taken for their centres.
     """
-    plain = _without_prefix(tuple(labels))
+    plain = without_prefix(tuple(labels))
     found = {label: name for label, rest in plain.items() if (name := landmark_of(rest))}
     on_pelvis = {name for name in found.values() if landmark(name).segment == "pelvis"} - {"root"}
     if on_pelvis or not {"left_trochanter", "right_trochanter"} <= set(found.values()):
@@ -248,7 +248,7 @@ def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def _without_prefix(labels: Sequence[str]) -> dict[str, str]:
+def without_prefix(labels: Sequence[str]) -> dict[str, str]:
     """Return each label without the words before a separator that more than half of them share."""
     plain = {label: label for label in labels}
     while True:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -14,6 +15,7 @@ from wbc.human.landmarks import (
     landmark,
     landmarks_of,
     missing_landmarks,
+    without_prefix,
 )
 from wbc.human.markers import UPS, MarkerRecording
 from wbc.motion.table import RecordingError
@@ -171,6 +173,14 @@ def _mean_position(
     seen = np.asarray(np.isfinite(places).all(axis=2))[..., None]
     with np.errstate(invalid="ignore"):  # 0 / 0: not seen
         return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))
+
+
+def with_labels_of(static: MarkerRecording, recording: MarkerRecording) -> MarkerRecording:
+    """Return a static trial whose labels are the recording's, but for a subject's name or case."""
+    of = {plain.lower(): label for label, plain in without_prefix(recording.labels).items()}
+    plain = without_prefix(static.labels)
+    labels = tuple(of.get(rest.lower(), rest) for rest in plain.values())
+    return static if len(set(labels)) < len(labels) else replace(static, labels=labels)
 
 
 def static_trial_notes(

@@ -37,6 +37,7 @@ from wbc.human.marker_identification import (
     identify_markers,
     rotate_z_up,
     static_trial_notes,
+    with_labels_of,
 )
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
@@ -231,6 +232,8 @@ def _prepare(
     recording, others = select_subject(recording, subject)
     if static is not None and any(":" in label for label in static.labels):
         static, _ = select_subject(static, subject)
+    if static is not None:
+        static = with_labels_of(static, recording)
     markers, notes = identify_markers(recording, static)
     if static is not None:
         notes += static_trial_notes(recording, static, markers)
