@@ -325,6 +325,19 @@ def test_trc_with_repeated_names_takes_the_first_with_a_note(tmp_path: Path) -> 
     assert len(found.labels) == len(before.labels) - 1
 
 
+def test_unnamed_markers_of_a_trc_are_left_out_with_a_note(tmp_path: Path) -> None:
+    path, (recording, _) = tmp_path / "a.trc", recorded(BODY, seconds=0.1)
+    write_trc(path, recording)
+    before, lines = read_markers(path), path.read_text().splitlines()
+    count = len(before.labels)
+    lines[2] = lines[2].replace(f"\t{count}\t", f"\t{count + 2}\t")
+    rows = [line + 3 * (k + 1) * "\t1.5" for k, line in enumerate(lines[6:])]
+    path.write_text("\n".join((*lines[:6], *rows)))
+    found = read_markers(path)
+    assert found.notes == (f"the header declares {count + 2} markers, {count} are named",)
+    np.testing.assert_array_equal(found.positions, before.positions)
+
+
 @pytest.mark.parametrize("form", ["ground_force_1_{} ground_moment_1_m{}", "FP1_{} FP1_moment_{}"])
 def test_mot_columns_of_other_programs_are_read(tmp_path: Path, form: str) -> None:
     """Among them those of OpenSim's C3D adapter, whose torque is that at the plate's middle."""

@@ -41,11 +41,12 @@ def read_trc(path: Path) -> MarkerRecording:
     if not labels or len(labels) > MAX_MARKERS:
         raise RecordingError(f"line 4 names {len(labels)} markers", source)
     notes = list[str]()
-    declared = fields.get("NumMarkers", "")
-    if declared.isdigit() and int(declared) != len(labels):
+    text = fields.get("NumMarkers", "")
+    declared = int(text) if text.isdigit() and int(text) <= MAX_MARKERS else len(labels)
+    if declared != len(labels):
         notes.append(f"the header declares {declared} markers, {len(labels)} are named")
-    width = 2 + 3 * len(labels)
-    rows = _rows(lines, 5, width, source)
+    # Cortex writes those without a name behind the others, in some frames more than declared.
+    rows = _rows(lines, 5, 2 + 3 * len(labels), source, unnamed=declared > len(labels))
     positions = rows[:, 2:].reshape(len(rows), -1, 3) * UNITS[unit]
     zero = (positions == 0.0).all(axis=2)
     if zero.any():
@@ -60,13 +61,17 @@ def read_trc(path: Path) -> MarkerRecording:
     return MarkerRecording(rows[:, 1], tuple(first), positions, source=source, notes=tuple(notes))
 
 
-def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
-    """Return the numbers of a table's lines (n, width), NaN where a cell is empty or missing."""
+def _rows(lines: list[str], first: int, width: int, source: str, unnamed: bool = False) -> Array:
+    """Return the numbers of a table's lines (n, width), NaN where a cell is empty or missing.
+
+    With ``unnamed`` cells behind the named ones are left out.
+    """
     found = list[list[float]]()
     for number, line in enumerate(lines[first:], first + 1):
         if not line.strip():
             continue
         cells = _cells(line)
+        cells = cells[:width] if unnamed else cells
         for end in (-1, 0):
             while len(cells) > width and not cells[end].strip():
                 cells.pop(end)
