@@ -160,6 +160,12 @@ def test_soles_are_flat_on_steep_slopes(tmp_path: Path) -> None:
     assert "the left foot does not stand" in complaint_of(tmp_path, bent)
 
 
+def test_gravity_that_pulls_up_is_refused(tmp_path: Path) -> None:
+    """A robot that flew off, by `gravity: -9.81`, was said to stand."""
+    said = complaint_of(tmp_path, STAND + "simulation: {gravity: -9.81}\n")
+    assert "simulation.gravity: must be at least 0, got -9.81" in said
+
+
 def test_contacts_with_drift_are_asked_for(tmp_path: Path) -> None:
     assert not problem(tmp_path).spec.simulation.ground().drift
     one = problem(tmp_path, overrides={"simulation.terrain.drift": True})

@@ -230,7 +230,7 @@ class SimulationSpec(Section):
     start: MovingStart = MovingStart()
     """Where the simulated robot begins, if not at rest at the problem's start; targets that are
     relative to the start mean the latter."""
-    gravity: Number | None = None
+    gravity: NonNegative | None = None
     """Downwards [m/s^2]; left out: that of the robot's model, which the controller counts on in any
     case. A robot that nothing holds gets the same torques whatever it is."""
     physics_dt: Positive = default_of(Plant, "physics_dt")

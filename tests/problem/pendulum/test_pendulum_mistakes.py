@@ -71,6 +71,9 @@ MISTAKES = {
                   "p.yaml:7: pushes[0]: the push at 0.1 s is not before the end"),
     "no step": (LAW, "duration: 0.1", "duration: 1e-4", "p.yaml:7: stop: duration"),
     "endless": (LAW, "duration: 0.1", "duration: 1e9", "p.yaml:7: stop: duration"),
+    "friction of a pivot": (
+        LAW.replace("static_lean, angle: 1.5", "swing_up"), "wheel_torque: 60.0",
+        "wheel_torque: 60.0, friction: 0.5", "p.yaml:5: bounds.friction: a swing_up has its foot"),
     "another law's tolerance": (LAW, "duration: 0.1", "duration: 0.1, accept: {spin: 1.0}",
                                 "p.yaml:7: stop.accept.spin: only a law of type spin"),
     "two flights": (PLAN, "fly: {", "up: {duration: 0.1, support: flight}\n    fly: {",

@@ -106,6 +106,10 @@ def build_balance(
         kind = str(law_spec.needs).removeprefix("rmp_")
         text = f"{law_spec.type} needs a {kind} pendulum; model: {law_spec.needs}"
         mistakes.fail(("law", "type"), text)
+    for key in ("polygon", "cop_margin", "friction", "leg_force") if law_spec.pivot else ():
+        if key in spec.bounds:
+            text = f"a {law_spec.type} has its foot bolted to a pivot; leave this out"
+            mistakes.note(("bounds", key), text)
     law: BalanceLaw = mistakes.require(("law",), lambda: law_spec.build(setting))
     stop, accept = spec.stop, spec.stop.accept
     if accept.spin is not None and "spin" not in law_spec.measures(law, v):
