@@ -122,6 +122,48 @@ def test_what_cannot_be_turned_is_said(hoap2: wbc.Robot) -> None:
         plan_turn(hoap2, [0.0, 0.3, 0.0], joints=("*wing*",))
 
 
+@pytest.fixture
+def geared(hoap2: wbc.Robot, tmp_path: Path) -> wbc.Robot:
+    """A robot whose right elbow follows the left one by half."""
+    text = Path(str(hoap2.path)).read_text()
+    at = text.index("</joint>", text.index('<joint name="right_elbow_pitch"'))
+    file = tmp_path / "geared.urdf"
+    file.write_text(f'{text[:at]}<mimic joint="left_elbow_pitch" multiplier="0.5"/>{text[at:]}')
+    return wbc.Robot.load(file)
+
+
+@pytest.mark.parametrize("elbow", ["left_elbow_pitch", "right_elbow_pitch"])
+def test_mimic_joints_go_with_their_drivers(geared: wbc.Robot, elbow: str) -> None:
+    """Each went its own way."""
+    q = geared.posture("standing", {"left_elbow_pitch": -0.6})
+    rounds = plan_turn(geared, [0.0, 0.0, 0.5], q=q, joints=(elbow, "*shoulder*"))
+    left, right = (geared.joint_names.index(f"{side}_elbow_pitch") for side in ("left", "right"))
+    moved = rounds.coefficients
+    np.testing.assert_array_equal(moved[:, right], 0.5 * moved[:, left])
+    assert np.abs(moved[:, left]).max() > 1e-3
+    again = Rounds.of(geared, q, rounds.target()["loop"], 4, 3.0)  # as rounded in a file
+    np.testing.assert_array_equal(again.coefficients[:, right], 0.5 * again.coefficients[:, left])
+    with pytest.raises(wbc.WbcError, match="right_elbow_pitch follows left_elbow_pitch"):
+        Rounds.of(geared, q, {"right_elbow_pitch": [0.1, 0.0]}, 1, 3.0)
+
+
+def test_unusable_numbers_of_a_turn_are_refused(hoap2: wbc.Robot) -> None:
+    """IndexError, ValueError, and 2.7 cycles were 2."""
+    for wrong, words in (
+        ({"joints": []}, "turn, joints: name at least one"),
+        ({"cycles": 2.7}, "turn, cycles: expected a whole number"),
+        ({"seed": -1}, "turn, seed: must be at least 0"),
+    ):
+        with pytest.raises(wbc.WbcError, match=words):
+            plan_turn(hoap2, [0.0, 0.3, 0.0], **wrong)  # type: ignore[arg-type]
+
+
+def test_margins_that_leave_no_range_are_no_turn(hoap2: wbc.Robot) -> None:
+    """It ended in IPOPT's RuntimeError of crossed bounds."""
+    with pytest.raises(NoTurnError, match="smaller margins"):
+        plan_turn(hoap2, [0.0, 0.0, 0.1], margin=10.0, starts=1)
+
+
 @pytest.mark.slow
 def test_a_shipped_turn_is_commanded_without_momentum() -> None:
     """By ticks of 5 ms, without the margin between bodies, which takes the time."""

@@ -20,11 +20,12 @@ from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, WbcError
 from wbc.flight.connection import rotation_of, turning_rate
 from wbc.flight.rounds import JointLoop, Rounds, even_phases, harmonics
+from wbc.kinds import whole_number
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.tree import refuse_loops
 from wbc.rotations import log_rotation
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, names_of, read_only
 
 JOINTS = ("*hip*", "*knee*", "*shoulder*", "*elbow*", "*waist*")
 HARMONICS = 2
@@ -80,7 +81,7 @@ def plan_turn(
     period:
         Mean duration of a round [s].
     joints:
-        Names or patterns of the joints that move.
+        Names or patterns of the joints that move; mimic joints and their drivers go together.
     margin:
         Distance from joint limits [rad or m].
     collision:
@@ -93,7 +94,7 @@ def plan_turn(
     Raises
     ------
     InvalidInputError
-        A rotation of zero or beyond half a turn, no cycles, or a robot with closed loops.
+        A rotation of zero or beyond half a turn, no cycles or joints, or a robot with closed loops.
     UnknownNameError
         A pattern that matches no joint.
     NoTurnError
@@ -104,12 +105,15 @@ def plan_turn(
     angle = float(np.linalg.norm(total))
     if not 0.0 < angle <= np.pi:
         raise InvalidInputError(f"turn, rotation: {angle:.4g} rad; above 0 and up to half a turn")
-    count = int(finite_number("turn, cycles", cycles, least=1.0))
+    count = whole_number("turn, cycles", cycles, least=1)
     finite_number("turn, period", period, above=0.0)
     posture = robot.posture("standing") if q is None else robot.check_configuration(q)
-    problem = _Problem.of(robot, posture, joints, margin, collision)
-    random, reason = np.random.default_rng(seed), ""
-    for _ in range(int(finite_number("turn, starts", starts, least=1))):
+    patterns = names_of("turn, joints", joints)
+    if not patterns:
+        raise InvalidInputError("turn, joints: name at least one that moves")
+    problem = _Problem.of(robot, posture, patterns, margin, collision)
+    random, reason = np.random.default_rng(whole_number("turn, seed", seed)), ""
+    for _ in range(whole_number("turn, starts", starts, least=1)):
         first = START_DEVIATION * random.standard_normal((2 * HARMONICS, len(problem.moving)))
         result = problem.solve(total / count, first)
         if isinstance(result, JointLoop):
@@ -127,8 +131,9 @@ class _Problem:
 
     robot: Robot
     posture: Array
-    moving: NDArray[np.int64]  # indices of the joints that move, among all (nv-6)
-    # Bounds of these, relative to the start.
+    moving: NDArray[np.int64]  # indices of the joints that move by themselves, among all (nv-6)
+    ratios: Array  # (k, nv-6): how all joints go with these, followers by their gears' ratios
+    # Bounds of these, relative to the start, which leave their followers in range.
     lower: Array
     upper: Array
     collision: SelfCollision | None
@@ -148,15 +153,27 @@ class _Problem:
         collision: SelfCollision | None,
     ) -> _Problem:
         chosen = {k - BASE_NV for pattern in joints for k in robot.joint_indices(pattern)}
-        moving = np.array(sorted(chosen))
+        drivers = {
+            robot.joint_index(name) - BASE_NV: (robot.joint_index(one.driver) - BASE_NV, one.ratio)
+            for name, one in robot.couplings.items()
+        }
+        moving = np.array(sorted({drivers.get(k, (k, 1.0))[0] for k in chosen}))
+        ratios = (np.arange(robot.nv - BASE_NV) == moving[:, None]).astype(float)
+        for follower, (driver, ratio) in drivers.items():
+            ratios[moving == driver, follower] = ratio
         start = robot.limits.joint_positions(posture)
         margin = finite_number("turn, margin", margin, least=0.0)
         lower, upper = robot.limits.lower + margin - start, robot.limits.upper - margin - start
         # The start may be nearer to a limit than the margin.
-        lower, upper = np.minimum(lower, 0.0)[moving], np.maximum(upper, 0.0)[moving]
+        lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort((lower / ratios, upper / ratios), axis=0)
+        goes = ratios != 0.0
+        lower = np.where(goes, ends[0], -np.inf).max(axis=1)
+        upper = np.where(goes, ends[1], np.inf).min(axis=1)
         rate = turning_rate(robot)
-        end, jacobian = _end_rotation(rate, start, moving)
-        return cls(robot, posture, moving, lower, upper, collision, rate, end, jacobian)
+        end, jacobian = _end_rotation(rate, start, ratios)
+        return cls(robot, posture, moving, ratios, lower, upper, collision, rate, end, jacobian)
 
     def solve(self, rotation: Array, first: Array) -> JointLoop | str:
         """Return a path whose round has a rotation vector (3,), or in words why there is none.
@@ -174,8 +191,10 @@ class _Problem:
             error = part * rotation - log_rotation(rotation_of(self.rate, loop, CHECK_PHASES))
             norm = float(np.linalg.norm(error))
             rows, gap, pair = self._distance_rows(loop)
+            in_range = self._in_range(loop)
             reason = f"{norm:.2g} rad off, {pair} too near by {1e3 * max(0.0, -gap):.2g} mm"
-            if part == 1.0 and norm < TOLERANCE and gap >= 0.0 and self._in_range(loop):
+            reason += "" if in_range else ", joints out of range"
+            if part == 1.0 and norm < TOLERANCE and gap >= 0.0 and in_range:
                 return loop
             if number > ITERATIONS // 2 and (gap < -HOPELESS or norm > COARSE):
                 return reason
@@ -185,9 +204,8 @@ class _Problem:
 
     def loop(self, coefficients: Array) -> JointLoop:
         """Return the path of all joints."""
-        spread = np.zeros((len(coefficients), self.robot.nv - BASE_NV))
-        spread[:, self.moving] = coefficients
-        return JointLoop(self.robot.limits.joint_positions(self.posture), spread)
+        start = self.robot.limits.joint_positions(self.posture)
+        return JointLoop(start, coefficients @ self.ratios)
 
     def _in_range(self, loop: JointLoop) -> bool:
         """Return whether all joints are within their limits, margins aside, at all phases."""
@@ -214,7 +232,7 @@ class _Problem:
                 smallest = float(found.clearance[nearest])
                 pair = self.collision.labels(found)[nearest]
             active = found.clearance < ACTIVE_DISTANCE
-            J = found.jacobian[active][:, BASE_NV + self.moving]
+            J = found.jacobian[active][:, BASE_NV:] @ self.ratios.T
             # With joints at basis @ coefficients: clearance + J (that - moved) >= LINEAR_MARGIN.
             matrix = (J[:, :, None] * basis[k]).reshape(len(J), -1)
             rows.append((matrix, LINEAR_MARGIN - found.clearance[active] + J @ moved[k]))
@@ -227,9 +245,11 @@ class _Problem:
         path = np.kron(np.eye(count), harmonics(phases, HARMONICS))
         rates = harmonics(phases, HARMONICS, 1)
         hessian = ca.DM(np.kron(np.eye(count), rates.T @ rates / SOLVER_PHASES))
+        lowest, highest = (np.repeat(each, SOLVER_PHASES) for each in (self.lower, self.upper))
         current = path @ last.T.ravel()
-        least = np.maximum(np.repeat(self.lower, SOLVER_PHASES), current - radius)
-        most = np.minimum(np.repeat(self.upper, SOLVER_PHASES), current + radius)
+        # The last path may be out of range by more than the trust region.
+        least = np.minimum(np.maximum(lowest, current - radius), highest)
+        most = np.maximum(np.minimum(highest, current + radius), lowest)
         linear = np.vstack([path, *(matrix for matrix, _ in rows)])
         lower = np.concatenate([least, *(bound for _, bound in rows)])
         upper = np.concatenate((most, np.full(len(linear) - len(most), np.inf)))
@@ -254,14 +274,12 @@ class _Problem:
 
 
 def _end_rotation(
-    rate: ca.Function, start: Array, moving: NDArray[np.int64]
+    rate: ca.Function, start: Array, selection: Array
 ) -> tuple[ca.Function, ca.Function]:
     """Return the functions from coefficients to the quaternion's vector part, and its Jacobian."""
     phases, step = even_phases(SOLVER_PHASES), 2.0 * np.pi / SOLVER_PHASES
-    selection = np.zeros((len(moving), len(start)))
-    selection[np.arange(len(moving)), moving] = 1.0
-    x = ca.MX.sym("x", 2 * HARMONICS * len(moving))
-    C = ca.reshape(x, 2 * HARMONICS, len(moving))
+    x = ca.MX.sym("x", 2 * HARMONICS * len(selection))
+    C = ca.reshape(x, 2 * HARMONICS, len(selection))
     moved, rates = (
         ca.mtimes([ca.DM(harmonics(phases, HARMONICS, k)), C, ca.DM(selection)]).T for k in (0, 1)
     )

@@ -91,7 +91,7 @@ class Rounds:
         cycles: int,
         period: float,
     ) -> Rounds:
-        """Return rounds of some joints; others are constant.
+        """Return rounds of some joints; others are constant, but for those that follow these.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Rounds:
         UnknownNameError
             No such joint.
         InvalidInputError
-            Numbers of coefficients that differ, or are odd.
+            Numbers of coefficients that differ, or are odd; or a mimic joint that leaves its gear.
         """
         sizes = {len(one) for one in loop.values()}
         if len(sizes) != 1 or min(sizes) % 2 or not min(sizes):
@@ -115,6 +115,18 @@ class Rounds:
         coefficients = np.zeros((sizes.pop(), robot.nv - BASE_NV))
         for name, values in loop.items():
             coefficients[:, robot.joint_index(name) - BASE_NV] = values
+        for name, gear in robot.couplings.items():
+            own, driver = (robot.joint_index(one) - BASE_NV for one in (name, gear.driver))
+            follows = gear.ratio * coefficients[:, driver]
+            apart = np.abs(coefficients[:, own] - follows).max()
+            if name in loop and apart > 2.0 * 10.0**-DIGITS * max(1.0, abs(gear.ratio)):
+                text = f"loop: {name} follows {gear.driver}, by {gear.ratio:g} of its way"
+                raise InvalidInputError(f"{text}; leave it out")
+            if not gear.is_linear and coefficients[:, driver].any():
+                raise InvalidInputError(
+                    f"loop: {gear.driver} moves {name} by a curve; leave it out"
+                )
+            coefficients[:, own] = follows
         return cls(robot, posture, read_only(coefficients), cycles, period)
 
     @property
