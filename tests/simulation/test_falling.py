@@ -79,3 +79,27 @@ def test_what_a_link_touched_is_told_and_whether_it_did_at_the_start(
     inside = FallWatch(plant, FallLimits()).verdict().reason
     assert f" touched {what}, as at the start: the robot begins there; falls: " in inside
     assert set(plant.touched()) == set(plant.touching())
+
+
+def test_a_bolted_robot_does_not_sink() -> None:
+    """An arm that folded down had fallen, and one below its base at the first tick."""
+    robot = Robot.load("hoap2_like", base="fixed", feet={})
+    plant = Plant(robot, shapes=False)
+    q, _ = plant.state()
+    for height in (0.4, 0.0, -1.0):
+        q[2] = height
+        plant.reset(q)
+        watch = FallWatch(plant, FallLimits(com_height=0.99))
+        plant.step(plant.torque, 0.3)  # its limbs hang down
+        assert watch.verdict().stood
+
+
+def test_a_robot_that_floats_below_the_origin_has_not_fallen(plant: Plant) -> None:
+    """It had, at the first tick: its CoM "sank to -0.039 m, below 0.5 of -0.039 m"."""
+    floating = Plant(plant.robot, shapes=False, gravity=(0.0, 0.0, 0.0))
+    q, _ = floating.state()
+    q[2] = -2.0
+    floating.reset(q)
+    watch = FallWatch(floating, FallLimits())
+    floating.step(floating.torque)
+    assert watch.verdict().stood

@@ -23,7 +23,8 @@ class FallLimits:
     Attributes
     ----------
     com_height:
-        The CoM is below this part of its initial height over the ground.
+        The CoM is below this part of its initial height over the ground; not of robots that are
+        bolted down or begin below it.
     tilt:
         The trunk has tilted from its initial vertical by more than this [rad].
     trunk:
@@ -91,6 +92,7 @@ class FallWatch:
         self._lifted = plant.robot.foot(limits.lifted).frame if limits.lifted else ""
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
         self._initial_height = self._height()
+        self._can_sink = not plant.robot.fixed_base and self._initial_height > 0.0
         self._toes = beyond_feet(plant.robot)
         self._initial_touches = plant.touched()
 
@@ -111,7 +113,7 @@ class FallWatch:
             reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
         elif tilt > limits.tilt:
             reason = f"{limits.trunk} tilted by {tilt:.2f} rad, more than {limits.tilt:g}"
-        elif height < limits.com_height * self._initial_height:
+        elif self._can_sink and height < limits.com_height * self._initial_height:
             reason = (
                 f"the CoM sank to {height:.3f} m, below {limits.com_height:g} of"
                 f" {self._initial_height:.3f} m"
