@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.friction import FrictionCone
-from wbc.constraints.mechanics import Mechanics
+from wbc.constraints.mechanics import Mechanics, holds_bolted
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
@@ -135,7 +135,8 @@ class ContactForces:
         """(k,) which are of the robot's own mechanics: gears, closed loops, a bolted base."""
         found = np.zeros(self.size, dtype=bool)
         for part in self.parts:
-            found[part.columns] = isinstance(part.contact, Mechanics)
+            contact = part.contact
+            found[part.columns] = isinstance(contact, Mechanics) or holds_bolted(contact)
         return found
 
     def generalized(self, snapshot: Snapshot) -> Array:
