@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import Result
 
 from tests.command import signalling, wbc_command
+from wbc.cli.errors import errors_in_one_line
 from wbc.cli.interrupts import noted_interrupts
 from wbc.controllers import Controller
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -111,3 +113,14 @@ def test_a_terminal_that_is_gone_is_noted_unless_nohup_ignores_it() -> None:
         assert not noted()
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_ctrl_c_while_a_compiled_package_loads_is_no_traceback(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Pybind11 makes an ImportError of it: one in 36 of `wbc check` ended so."""
+    with pytest.raises(typer.Exit) as ended, errors_in_one_line():
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+    assert ended.value.exit_code == 130 and "interrupted" in capsys.readouterr().err
+    with pytest.raises(ImportError, match="no module"), errors_in_one_line():
+        raise ImportError("no module") from None

@@ -35,7 +35,10 @@ def errors_in_one_line() -> Iterator[None]:
     except OSError as error:  # a full disk, a read-only folder, a missing one
         complain(refused(error))
         raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ImportError) as error:
+        # Compiled packages that are interrupted while they load make an ImportError of it.
+        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
         complain("interrupted")
         raise typer.Exit(INTERRUPTED) from None
 
