@@ -27,6 +27,20 @@ def test_the_file_to_begin_with_runs(robot: str, tmp_path: Path) -> None:
     assert result.status.good, result.reason
 
 
+def test_files_and_robots_whose_names_need_quotes(tmp_path: Path) -> None:
+    """The file had the robot `/tmp/x/d`, and what to try next was of two files."""
+    folder = tmp_path / "d #1: [x]"
+    folder.mkdir()
+    model, path = folder / "r: a.urdf", folder / "my p.yaml"
+    model.write_text((Path(__file__).parents[1] / "models" / "mixed_joints.urdf").read_text())
+    answer = wbc_command("init", path, "--robot", model)
+    assert answer.exit_code == 0, answer.stderr
+    assert f"wbc run '{path}'" in answer.stdout
+    text = path.read_text()
+    assert f"wbc check '{path}'" in text and f"wbc robots '{model}'" in text
+    assert wbc_command("check", path).exit_code == 0
+
+
 def test_what_is_commented_out_is_valid_too(tmp_path: Path) -> None:
     text = wbc_command("init", "-").stdout
     text = re.sub(r"# (hand:|  {type: frame)", r"\1", text).replace("FRAME", "left_hand")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -54,7 +55,7 @@ def init(
         write_text(schema, _schema_text())
     text = problem_template(loaded, name, str(path), SCHEMA_FILE)
     write_text(path, text)
-    typer.echo(f"written  {path}\nschema   {schema}\nnow try  wbc run {path}")
+    typer.echo(f"written  {path}\nschema   {schema}\nnow try  wbc run {quote(str(path))}")
 
 
 def check(

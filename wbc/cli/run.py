@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -84,7 +85,8 @@ def _run(
         problem = load_problem(chosen.path, overrides)
     if simulated and not isinstance(problem, Problem):
         raise InvalidInputError(
-            f"{chosen.path}: a pendulum's problem simulates itself: wbc run {chosen.path}"
+            f"{chosen.path}: a pendulum's problem simulates itself: wbc run"
+            f" {quote(str(chosen.path))}"
         )
     if isinstance(problem, Problem) and not chosen.quiet:
         print_notes(problem.parts.robot)
@@ -308,5 +310,5 @@ class _TickSaver:
             return
         print_note(
             f"t = {now.time:.3f} s: {now.tick.report()}; saved: ask again by wbc replay"
-            f" {self._path}"
+            f" {quote(str(self._path))}"
         )

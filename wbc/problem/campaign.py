@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -110,8 +111,8 @@ def load_campaign(path: str | Path) -> Campaign:
     source = read_source(path, "'problems:'")
     if "problems" not in source.data and source.data.keys() & {"robot", "tasks", "model"}:
         raise ProblemFileError(
-            f"{path}: is a problem, not a campaign of problems: wbc run {path}; a campaign names"
-            f" it: problems: [{path.name}]"
+            f"{path}: is a problem, not a campaign of problems: wbc run {quote(str(path))};"
+            f" a campaign names it: problems: [{path.name}]"
         )
     spec = read_section(CampaignSpec, source)
     mistakes = Mistakes(source)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from wbc.errors import InvalidInputError, ProblemFileError, shown
@@ -95,7 +96,7 @@ class Problem:
         if isinstance(controller, TorqueSpec):
             raise InvalidInputError(
                 f"{self.source.name}: controller.level is torque: torques move a robot by physics,"
-                f" so this problem is simulated: wbc sim {self.source.name}, or simulate()"
+                f" so this problem is simulated: wbc sim {quote(self.source.name)}, or simulate()"
             )
         stop = Stop(**spec.whole_stop.model_dump())
         start = parts.at_start
@@ -143,7 +144,7 @@ class Problem:
             The physics blew up.
         """
         spec, parts = self.spec, self.parts
-        how = f"commanded velocities are run, not simulated: wbc run {self.source.name}"
+        how = f"commanded velocities are run, not simulated: wbc run {quote(self.source.name)}"
         require_torque(self, how)
         plant = self.plant()
         return run_trial(
@@ -317,7 +318,8 @@ def refuse_result(source: Source) -> None:
     run = "sim" if "simulation" in source.data else "run"
     raise ProblemFileError(
         f"{source.name}: is the summary of a result, not a problem, and holds no motion; write"
-        f" that, too, and name its file: wbc {run} {problem or 'PROBLEM.yaml'} -o {motion}"
+        f" that, too, and name its file: wbc {run} {quote(str(problem or 'PROBLEM.yaml'))} -o"
+        f" {quote(str(motion))}"
     )
 
 

@@ -126,3 +126,10 @@ def _occurrences(value: Any, text: str, path: KeyPath) -> Iterator[KeyPath]:
         if key == text:
             yield (*path, key)
         yield from _occurrences(entry, text, (*path, key))
+
+
+def quoted(text: str) -> str:
+    """Return a text as YAML reads it back: in quotes, unless it is plain."""
+    plain = text.isascii() and all(letter.isalnum() or letter in "_-./" for letter in text)
+    simple = plain and (text[0].isalpha() or text[0] == "/")
+    return text if simple else "'" + text.replace("'", "''") + "'"

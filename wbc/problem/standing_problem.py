@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wbc.problem.source import quoted
 from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
 from wbc.robot import Robot
@@ -61,15 +62,15 @@ def standing_problem(
     reference = MotionReference(motion, slower=slower, lean=lean)
     more = "" if slower == 1.0 else f", slower: {slower:g}"
     more += "" if lean is None else f", lean: {lean:g}"
-    target = f"{{motion: {_quoted(file)}{more}}}"
+    target = f"{{motion: {quoted(file)}{more}}}"
     return TEMPLATE.format(
         source=Path(motion.source).name,
         robot=motion.robot.name,
         name=name,
         drives=_robot_line(motion.robot, model),
-        motion=_quoted(file),
+        motion=quoted(file),
         target=target,
-        trunk=_quoted(trunk),
+        trunk=quoted(trunk),
         duration=reference.ends + REST_AFTER,
     )
 
@@ -78,12 +79,6 @@ def _robot_line(robot: Robot, model: str) -> str:
     """Return the robot's line, with its armature if one number describes all or most rotors."""
     rotors = np.unique(robot.armature)
     if len(rotors) > 1:
-        return f"{{model: {_quoted(model)}}}"
+        return f"{{model: {quoted(model)}}}"
     rotor = float(rotors[0]) if rotors.any() else DEFAULT_ARMATURE
-    return f"{{model: {_quoted(model)}, armature: {rotor:g}}}  # rotors, in kg m^2 at the joints"
-
-
-def _quoted(text: str) -> str:
-    """Return a text quoted for YAML."""
-    plain = text.isascii() and all(letter.isalnum() or letter in "_-./" for letter in text)
-    return text if plain and text[0].isalpha() else "'" + text.replace("'", "''") + "'"
+    return f"{{model: {quoted(model)}, armature: {rotor:g}}}  # rotors, in kg m^2 at the joints"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from shlex import quote
+
+from wbc.problem.source import quoted
 from wbc.robot import Robot
 
 _TEXT = """\
@@ -9,7 +12,7 @@ _TEXT = """\
 # Try it:            wbc run {file} --plot picture.png
 # Check it only:     wbc check {file}
 # Change one value:  wbc run {file} --set tasks.com.weight=3
-# What can be named: wbc robots {robot}
+# What can be named: wbc robots {typed}
 
 robot: {robot}               # a name that `wbc robots` lists, or a .urdf or .xml file
 start: {{posture: standing}}  # or neutral; joints: {{"*elbow*": 0.4}} changes some [rad or m]
@@ -64,8 +67,9 @@ def problem_template(robot: Robot, name: str, file: str, schema: str | None = No
     """
     double = {"left", "right"} <= set(robot.feet)
     return _TEXT.format(
-        robot=name,
-        file=file,
+        robot=quoted(name),
+        typed=quote(name),
+        file=quote(file),
         support="double  " if double else "all     " if robot.feet else "floating",
         feet="left, right, double, " if double else "all, " if robot.feet else "",
         editor="" if schema is None else EDITOR_LINE.format(schema),
