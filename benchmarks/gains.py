@@ -5,7 +5,7 @@
 A G1 lowers its CoM and reaches forwards by more than its joints allow, over its soles.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,9 @@ def at_rest(
 
 def main() -> None:
     """Print and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("page", type=Path, help="Markdown file with the mark of the section.")
+    page = parser.parse_args().page
     robot = wbc.Robot.load("g1")
     lines = [
         "| gain of CoM and hand | of trunk and posture | weighs_error"
@@ -59,7 +62,7 @@ def main() -> None:
             f" | {1e3 * hand:.0f} mm | {trunk:.2f} rad |"
         )
     print(*lines, sep="\n")
-    put_section(Path(sys.argv[1]), "gains", "\n".join(lines))
+    put_section(page, "gains", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from wbc.cli.errors import complain
 from wbc.cli.printing import heads, print_result, unwatched_text
 from wbc.problem import load_problem
 from wbc.run.result import Worst
@@ -98,3 +99,17 @@ def test_rounding_at_a_joints_limit_is_not_told_as_beyond_it(
     result = replace(one.run(), margin=Worst(left, "left_knee", 3))
     print_result(result, [])
     assert said in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("value", "coloured"), [("1", False), ("", True)])
+def test_no_color_is_heeded_by_errors(
+    monkeypatch: pytest.MonkeyPatch, value: str, coloured: bool
+) -> None:
+    """Tables heeded it, "error:" was red all the same."""
+    monkeypatch.setenv("NO_COLOR", value)
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr("sys.stderr", terminal)
+    complain("a mistake")
+    assert ("\x1b[" in terminal.getvalue()) is coloured
+    assert "a mistake" in terminal.getvalue()

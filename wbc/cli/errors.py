@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,14 +53,18 @@ def refused(error: OSError) -> str:
 
 def complain(text: str) -> None:
     """Print an error to stderr."""
-    head = typer.style("error:", fg="red", bold=True)
-    typer.echo(f"{head} {text}", err=True)
+    _print_to_stderr("error:", "red", text)
 
 
 def print_note(text: str) -> None:
     """Print a note to stderr."""
-    head = typer.style("note:", fg="yellow", bold=True)
-    typer.echo(f"{head} {text}", err=True)
+    _print_to_stderr("note:", "yellow", text)
+
+
+def _print_to_stderr(head: str, colour: str, text: str) -> None:
+    """Print a line with a coloured head, unless NO_COLOR forbids it (no-color.org)."""
+    plain = False if os.environ.get("NO_COLOR") else None  # None: as it is a terminal or not
+    typer.echo(f"{typer.style(head, fg=colour, bold=True)} {text}", err=True, color=plain)
 
 
 class _Warnings(logging.Handler):
