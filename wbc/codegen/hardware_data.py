@@ -58,7 +58,7 @@ class HardwareParts(NamedTuple):
         path = CrouchPath.of(problem.parts.at_start)
         return cls(
             robot,
-            StateEstimator(robot, dt=PERIOD),
+            StateEstimator(robot, profile.mount(robot), dt=PERIOD),
             safety_of(robot, profile, PERIOD),
             profile,
             path,

@@ -12,6 +12,7 @@ from wbc.hardware.bus import BaseTruth, Command, Reading, RobotBus
 from wbc.hardware.gantry import Gantry
 from wbc.hardware.real_time import CycleClock, now, real_time
 from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.names import BASE
 from wbc.rotations import exp_rotation, quaternion_from, rotation_from
 from wbc.run.saving import plain
 from wbc.simulation import Plant
@@ -122,6 +123,8 @@ class SimulatedRobot:
         Gains (n,) of braking [N m s/rad].
     settings:
         Of its behaviour.
+    imu:
+        Frame of its IMU.
     """
 
     def __init__(
@@ -131,8 +134,9 @@ class SimulatedRobot:
         start: Array,
         damping: Array,
         settings: RobotSettings | None = None,
+        imu: str = BASE,
     ) -> None:
-        self.plant, self.bus = plant, bus
+        self.plant, self.bus, self._imu = plant, bus, imu
         self.settings = settings or RobotSettings()
         self.report = RobotReport()
         self._brake = Command.damping(damping)
@@ -147,7 +151,7 @@ class SimulatedRobot:
         self._gantry = Gantry(plant.robot, start) if self.settings.gantry else None
         q, v = plant.state()
         self._state = q, v
-        self._velocity = rotation_from(q[3:7]) @ v[:3]
+        self._velocity = self._imu_motion()[1]
         self._force_time = 0.0
         self._note(now(), "motors off")
 
@@ -249,8 +253,7 @@ class SimulatedRobot:
     def _reading(self) -> Reading:
         (q, v), s, draw = self._state, self.settings, self._random.normal
         n, robot = len(self._temperature), self.plant.robot
-        R = rotation_from(q[3:7])
-        velocity = R @ v[:3]
+        R, velocity, turning = self._imu_motion()
         elapsed = self.plant.time - self._force_time
         rate = (velocity - self._velocity) / elapsed if elapsed > 0.0 else np.zeros(3)
         self._velocity, self._force_time = velocity, self.plant.time
@@ -266,10 +269,23 @@ class SimulatedRobot:
             self.plant.torque.copy(),
             self._temperature.copy(),
             quaternion_from(R @ exp_rotation(w)),
-            v[3:6] + s.gyroscope_noise * draw(size=3),
+            turning + s.gyroscope_noise * draw(size=3),
             force + s.accelerometer_noise * draw(size=3),
             base_truth=BaseTruth(q[:BASE_NQ].copy(), v[:BASE_NV].copy()) if s.truth else None,
         )
+
+    def _imu_motion(self) -> tuple[Array, Array, Array]:
+        """Return the IMU's rotation (3, 3), velocity (3,) [m/s], and angular velocity (3,) [rad/s].
+
+        The last is in its own axes.
+        """
+        q, v = self._state
+        if self._imu == BASE:
+            R = rotation_from(q[3:7])
+            return R, R @ v[:3], v[3:6]
+        now = self.plant.robot.snapshot(q, v)
+        R, twist = now.rotation(self._imu), now.jacobian(self._imu) @ v
+        return R, twist[:3], R.T @ twist[3:]
 
     def _update_report(self) -> None:
         report, (q, _) = self.report, self._state

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wbc.errors import InvalidInputError, listed
+from wbc.estimation import ImuMount
 from wbc.hardware.bus import Bus, RobotBus
 from wbc.hardware.loop import PERIOD, HardwareLoop
 from wbc.hardware.operator import Operator
@@ -33,9 +34,9 @@ from wbc.simulation import Plant
 from wbc.validate import Array, finite_number
 
 BUSES = ("unitree", "udp")
-ESTIMATORS: dict[str, Callable[[Robot], BaseEstimator]] = {
+ESTIMATORS: dict[str, Callable[[Robot, ImuMount], BaseEstimator]] = {
     "sensors": SensorEstimator,
-    "truth": TruthEstimator,
+    "truth": lambda robot, imu: TruthEstimator(robot),
 }
 GAIN_MARGIN = 1.5  # of the safety layer's bounds by the profile's gains
 
@@ -115,15 +116,15 @@ def motions_of(robot: Robot, profile: Profile, path: CrouchPath) -> Motions:
     return Motions(PostureMotion(path, kp, kd, up=True), PostureMotion(path, kp, kd, up=False))
 
 
-def estimator_of(name: str, robot: Robot) -> BaseEstimator:
-    """Return an estimator by its name.
+def estimator_of(name: str, robot: Robot, imu: ImuMount) -> BaseEstimator:
+    """Return an estimator by its name, for readings of an IMU.
 
     Raises
     ------
     UnknownNameError
         No such estimator.
     """
-    return ESTIMATORS[one_of("estimator", name, list(ESTIMATORS))](robot)
+    return ESTIMATORS[one_of("estimator", name, list(ESTIMATORS))](robot, imu)
 
 
 def loop_of(
@@ -198,6 +199,8 @@ def omissions(problem: Problem, profile: Profile) -> list[str]:
         notes.append(
             f"motors stay off, as {robot.name} has no such joint, or locked: {listed(unused)}"
         )
+    if profile.mount(robot).frame != profile.imu:
+        notes.append(f"{robot.name} has no frame {profile.imu}: its IMU is taken to be at the base")
     if any(wrench.told for wrench in problem.spec.simulation.wrenches):
         notes.append("simulation.wrenches: the controller is told of none on a robot")
     return notes
@@ -231,7 +234,7 @@ def controller_of(problem: Problem, profile: Profile, estimator: str) -> RobotCo
     following, stiffness = (
         by_pattern(robot, one) for one in (profile.following, profile.stiffness)
     )
-    known = estimator_of(estimator, robot)
+    known = estimator_of(estimator, robot, profile.mount(robot))
     return RobotController(problem.supervisor_on_robot, known, start, following, stiffness)
 
 
@@ -260,4 +263,5 @@ def simulated_robot(
     start = robot.check_configuration(start)
     start[2] += finite_number("simulated robot, lifted", lifted, least=0.0)
     plant = Plant(robot, dt=STEP, physics_dt=STEP)
-    return SimulatedRobot(plant, bus, start, by_pattern(robot, profile.damping), settings)
+    braking, imu = by_pattern(robot, profile.damping), profile.mount(robot).frame
+    return SimulatedRobot(plant, bus, start, braking, settings, imu)

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, listed
+from wbc.estimation import ImuMount
 from wbc.kinds import one_of
 from wbc.robot import Robot
+from wbc.robot.names import BASE
 from wbc.validate import Array
 
 PITCH_ROLL = 0  # ankles and waist are commanded by pitch and roll, not by their two motors
@@ -46,6 +48,8 @@ class Profile:
         kd [N m s/rad] by pattern, while a controller commands torques and velocities.
     mode_pr:
         Of the messages of ``hg``: whether ankles are commanded by pitch and roll (0).
+    imu:
+        Frame of the IMU whose readings come, with its axes.
     """
 
     name: str
@@ -57,6 +61,11 @@ class Profile:
     damping: Mapping[str, float]
     following: Mapping[str, float]
     mode_pr: int = PITCH_ROLL
+    imu: str = BASE
+
+    def mount(self, robot: Robot) -> ImuMount:
+        """Return the mount of the IMU; at the base if the robot's model lacks its frame."""
+        return ImuMount(frame=self.imu if self.imu in robot.frame_indices else BASE)
 
     def order(self, robot: Robot) -> NDArray[np.int64]:
         """Return the number of the motor of each joint (nv-6,).
@@ -120,6 +129,7 @@ PROFILES: Mapping[str, Profile] = {
         "hg",
         "g1",
         _numbered(*_sides(*_G1_LEG), *_WAIST, *_sides(*_ARM, *_WRIST)),
+        imu="imu_in_pelvis",
         **_HUMANOID,
     ),
     "unitree_h1_2": Profile(
