@@ -45,7 +45,10 @@ def check_layout(path: str | Path, layout: str) -> None:
     if layout not in ENDINGS:
         raise UnknownNameError("layout of a motion", layout, ENDINGS)
     if Path(path).suffix.lower() != ENDINGS[layout]:
-        raise InvalidInputError(f"{path}: the layout {layout!r} is written as {ENDINGS[layout]}")
+        others = ", ".join(f"{name}: {end}" for name, end in ENDINGS.items() if name != layout)
+        raise InvalidInputError(
+            f"{path}: the layout {layout!r} is written as {ENDINGS[layout]} ({others})"
+        )
 
 
 def save(motion: Any, path: str | Path, layout: str) -> None:

@@ -81,7 +81,8 @@ def _direction(text: str) -> tuple[float, float]:
     try:
         azimuth, elevation = (float(part) for part in text.split(","))
     except ValueError:
-        raise UnknownNameError("direction to view from", text, DIRECTIONS) from None
+        remedy = f"choose from: {', '.join(sorted(DIRECTIONS))}; or azimuth,elevation in degrees"
+        raise UnknownNameError("direction to view from", text, DIRECTIONS, remedy) from None
     if not (np.isfinite(azimuth) and abs(elevation) <= 89.0):
         raise InvalidInputError(
             f"view from {text}: azimuth and elevation in degrees, the elevation within 89 of level"
