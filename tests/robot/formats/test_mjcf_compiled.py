@@ -446,6 +446,13 @@ def test_shapes_of_the_world_beside_the_robot_are_told() -> None:
     table = with_floor.replace(floor, floor + '<geom name="table" type="box" size="1 1 1"/>')
     told = {*Robot.load(table).notes} - {*Robot.load(content).notes}
     assert told == {"shapes of the world, which are no part of the robot, left out: table"}
+    hills = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 0 1"/></asset>'
+    for ground in ('hfield" hfield="h', 'plane" euler=".2 0 0" size="1 1 1'):
+        sloping = content.replace(
+            "<worldbody>", f'{hills}<worldbody><geom name="hill" type="{ground}"/>', 1
+        )
+        (note,) = {*Robot.load(sloping).notes} - {*Robot.load(content).notes}
+        assert note.endswith("left out: hill")
 
 
 @pytest.mark.parametrize("given", ["file", "text"])

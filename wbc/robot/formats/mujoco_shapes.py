@@ -112,7 +112,7 @@ def read_shapes(
         body = int(model.geom_bodyid[geom])
         kind = kinds.get(int(model.geom_type[geom]))
         touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
-        if body == 0 and touches and kind is not None:  # but for the ground
+        if body == 0 and touches and not _is_level_plane(model, geom, int(types.mjGEOM_PLANE)):
             scenery.append(names.geoms[geom])
         if body not in mine:
             continue
@@ -143,6 +143,12 @@ def read_shapes(
     notes = noted("shapes left out, as only the ground has such: {}", unknown, 3)
     notes += noted("shapes of the world, which are no part of the robot, left out: {}", scenery, 3)
     return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
+
+
+def _is_level_plane(model: Any, geom: int, plane: int) -> bool:
+    """Return whether a shape of the world is the ground as it is everywhere here."""
+    _, x, y, _ = model.geom_quat[geom].tolist()  # its normal is (.., .., 1 - 2 (x^2 + y^2))
+    return int(model.geom_type[geom]) == plane and x * x + y * y < 1e-9
 
 
 def _colour(model: Any, geom: int) -> Array:
