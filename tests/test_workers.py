@@ -1,11 +1,14 @@
 """Processes that call a function: what they answer, and what comes of those that die."""
 
+import logging
 import os
 import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
+
+import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.workers import Death, WorkerAnswer, WorkerDiedError, Workers
@@ -33,6 +36,16 @@ class Deadly:
 
 def refused() -> Callable[[int], int]:
     raise InvalidInputError("nothing can be doubled here")
+
+
+def warned(number: int) -> int:
+    logging.getLogger("wbc.robot").warning("%s of the file", "a note", extra={"noted": True})
+    logging.getLogger("wbc.controllers").warning("%s is in mm?", "the target")
+    return number
+
+
+def warning() -> Callable[[int], int]:
+    return warned
 
 
 def answers(workers: Workers, numbers: list[int]) -> dict[object, WorkerAnswer]:
@@ -89,3 +102,10 @@ def test_ctrl_c_does_not_reach_the_first_process_that_is_started() -> None:
     with Workers(blocks_interrupt, 1) as workers:
         workers.submit(0)
         assert workers.results(60.0)[0].value is True
+
+
+def test_what_processes_warn_of_is_logged_here_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Each printed it for itself, in every call."""
+    with Workers(warning, 2) as workers:
+        answers(workers, [1, 2, 3, 4])
+    assert [record.getMessage() for record in caplog.records] == ["the target is in mm?"]

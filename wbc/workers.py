@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
@@ -66,6 +67,8 @@ class _Worker:
 class Workers:
     """Up to ``size`` processes; a context manager that terminates them at its end.
 
+    What the package warns of in them is logged here, each warning once.
+
     They are started as they are needed, fresh (``spawn``), so a script needs the usual ``if
     __name__ == "__main__"`` guard. Ctrl-C does not reach them, and they end with this process.
 
@@ -91,6 +94,7 @@ class Workers:
         self._context = get_context("spawn")
         self._workers: list[_Worker] = []
         self._answers: deque[WorkerAnswer] = deque()
+        self._warned = set[str]()
 
     def __enter__(self) -> Workers:
         return self
@@ -128,11 +132,15 @@ class Workers:
         job = worker.job
         assert job is not None  # only those that have one are waited for
         try:
-            value, error = worker.channel.recv()
+            value, error, warnings = worker.channel.recv()
         except (EOFError, OSError):
             self._remove_dead(worker, job)
             return
         worker.job = None
+        for text in warnings:
+            if text not in self._warned:
+                self._warned.add(text)
+                logging.getLogger("wbc").warning("%s", text)
         self._answers.append(WorkerAnswer(job.key, value, error, worker.name))
 
     def _assign(self, job: _Job) -> None:
@@ -187,9 +195,27 @@ def _exit_reason(exit_code: int | None) -> str:
     return f"ended by {name}{hint}"
 
 
+class _Heard(logging.Handler):
+    """Collects what the package warns of, but for notes of robots and results."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._warnings = list[str]()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if not getattr(record, "noted", False):
+            self._warnings.append(record.getMessage())
+
+    def taken(self) -> list[str]:
+        """Return what was collected since the last call."""
+        found, self._warnings = self._warnings, []
+        return found
+
+
 def _serve(channel: connection.Connection, make: Make) -> None:
     """Answer calls until the channel is closed: what runs in a process."""
     _end_with_parent()
+    logging.getLogger("wbc").addHandler(heard := _Heard())
     function, broken = None, None
     try:
         function = make()
@@ -200,13 +226,17 @@ def _serve(channel: connection.Connection, make: Make) -> None:
             arguments = channel.recv()
         except EOFError:
             return
-        if function is None:
-            channel.send((None, broken))
-            continue
+        value, wrong = None, broken
+        if function is not None:
+            try:
+                value = function(*arguments)
+            except Exception as error:
+                wrong = _portable(error)
+        warnings = heard.taken()
         try:
-            channel.send((function(*arguments), None))
-        except Exception as error:
-            channel.send((None, _portable(error)))
+            channel.send((value, wrong, warnings))
+        except Exception as error:  # a value that cannot be pickled
+            channel.send((None, _portable(error), warnings))
 
 
 def _portable(error: Exception) -> Exception:
