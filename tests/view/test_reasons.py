@@ -136,6 +136,8 @@ def test_views_by_words() -> None:
     assert View.of(show="no-ellipsoid,no-masses").layers == set(LAYERS) - {"ellipsoid", "masses"}
     with pytest.raises(UnknownNameError, match="did you mean 'front-left'"):
         View.of("frontleft")
+    with pytest.raises(UnknownNameError, match="from '10'; expected azimuth,elevation"):
+        View.of("10")
     with pytest.raises(UnknownNameError, match="unknown layer 'robt'; did you mean 'robot'"):
         View.of(show="robt")
     with pytest.raises(InvalidInputError, match="within 89"):

@@ -81,7 +81,8 @@ def _direction(text: str) -> tuple[float, float]:
     try:
         azimuth, elevation = (float(part) for part in text.split(","))
     except ValueError:
-        remedy = f"choose from: {', '.join(sorted(DIRECTIONS))}; or azimuth,elevation in degrees"
+        in_numbers = any(letter.isdigit() for letter in text)
+        remedy = "expected azimuth,elevation in degrees, as in 30,15" if in_numbers else ""
         raise UnknownNameError("direction to view from", text, DIRECTIONS, remedy) from None
     if not (np.isfinite(azimuth) and abs(elevation) <= 89.0):
         raise InvalidInputError(
