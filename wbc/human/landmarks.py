@@ -166,7 +166,7 @@ _CENTRES = {
 _CLUSTERS = frozenset(("thigh", "shank", "heel", "foot", "upper_arm", "forearm"))
 _WHICH = re.compile(
     "TOP|BOTTOM|UP(?!(PER)?ARM)(PER)?|LOWER|LO$|MID|SUP(ERIOR)?|INF(ERIOR)?|PROX(IMAL)?"
-    "|DIST(AL)?|ANT(ERIOR)?|POST(ERIOR)?|LAT|MED|FRONT|(?<!FO)REAR|CLUSTER|[0-9]"
+    "|DIST(AL)?|ANT(ERIOR)?|POST(ERIOR)?|LAT|MED|FRONT|REAR(?!M)|CLUSTER|[0-9]"
 )
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
 # Word boundaries in camel case and between a side and a number (KU Leuven's foot_r1); Xsens's p.
