@@ -22,6 +22,7 @@ from wbc.flight.connection import rotation_of, turning_rate
 from wbc.flight.rounds import JointLoop, Rounds, even_phases, harmonics
 from wbc.kinds import whole_number
 from wbc.robot import Robot, Snapshot
+from wbc.robot.chains import followers
 from wbc.robot.limits import BASE_NV
 from wbc.robot.tree import refuse_loops
 from wbc.rotations import log_rotation
@@ -153,14 +154,12 @@ class _Problem:
         collision: SelfCollision | None,
     ) -> _Problem:
         chosen = {k - BASE_NV for pattern in joints for k in robot.joint_indices(pattern)}
-        drivers = {
-            robot.joint_index(name) - BASE_NV: (robot.joint_index(one.driver) - BASE_NV, one.ratio)
-            for name, one in robot.couplings.items()
-        }
-        moving = np.array(sorted({drivers.get(k, (k, 1.0))[0] for k in chosen}))
+        gears = [*followers(robot)]
+        drivers = {follower: driver for follower, driver, _ in gears}
+        moving = np.array(sorted({drivers.get(k, k) for k in chosen}))
         ratios = (np.arange(robot.nv - BASE_NV) == moving[:, None]).astype(float)
-        for follower, (driver, ratio) in drivers.items():
-            ratios[moving == driver, follower] = ratio
+        for follower, driver, gear in gears:
+            ratios[moving == driver, follower] = gear.ratio
         start = robot.limits.joint_positions(posture)
         margin = finite_number("turn, margin", margin, least=0.0)
         lower, upper = robot.limits.lower + margin - start, robot.limits.upper - margin - start

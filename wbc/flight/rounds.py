@@ -11,6 +11,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.robot import Robot
+from wbc.robot.chains import followers
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array, finite_number, read_only
 
@@ -115,8 +116,8 @@ class Rounds:
         coefficients = np.zeros((sizes.pop(), robot.nv - BASE_NV))
         for name, values in loop.items():
             coefficients[:, robot.joint_index(name) - BASE_NV] = values
-        for name, gear in robot.couplings.items():
-            own, driver = (robot.joint_index(one) - BASE_NV for one in (name, gear.driver))
+        for own, driver, gear in followers(robot):
+            name = robot.joint_names[own]
             follows = gear.ratio * coefficients[:, driver]
             apart = np.abs(coefficients[:, own] - follows).max()
             if name in loop and apart > 2.0 * 10.0**-DIGITS * max(1.0, abs(gear.ratio)):

@@ -13,7 +13,6 @@ begins in the middle of its chart, far from where that has a singularity (a full
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -24,8 +23,7 @@ from wbc.constraints import Contact, Limits
 from wbc.errors import InvalidInputError
 from wbc.placement import Placement, from_mrp
 from wbc.robot import Robot
-from wbc.robot.formats.couplings import Coupling
-from wbc.robot.limits import BASE_NV
+from wbc.robot.chains import followers
 from wbc.robot.names import BASE
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns
 from wbc.shaping.problem import ShapingProblem
@@ -120,16 +118,6 @@ class ConfigurationMap:
         turn = Rotation.from_mrp(full[n + 3 : n + 6])
         q[3:7] = (Rotation.from_matrix(p[:9].reshape(3, 3, order="F")) * turn).as_quat()
         return q
-
-
-def followers(robot: Robot) -> Iterator[tuple[int, int, Coupling]]:
-    """Yield the index of each mimic joint and of its driver, among the joints, and the gear."""
-    for name, coupling in robot.couplings.items():
-        yield (
-            robot.joint_index(name) - BASE_NV,
-            robot.joint_index(coupling.driver) - BASE_NV,
-            coupling,
-        )
 
 
 def _joint_bounds(robot: Robot, limits: Limits) -> tuple[Array, Array]:
