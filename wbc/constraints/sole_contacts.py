@@ -23,6 +23,7 @@ MIN_ROLL, NULL_SPACE_RCOND = 0.1, 2e-2
 NARROW_SOLE = 0.2
 
 
+@lru_cache(maxsize=16)  # a robot does not change, and each support asks for each sole
 def default_contact(robot: Robot, frame: str) -> type[Contact]:
     """Return the contact that a frame makes as a robot stands; flat soles as lines are told."""
     kind = contact_kind(robot.snapshot(robot.postures[STANDING]), frame)
