@@ -24,7 +24,6 @@ from wbc.validate import Array
 # half the speed it grows by a half, more than the sole can correct.
 DESCENT = 0.16
 
-
 Place = tuple[float, float, float]
 
 
@@ -193,7 +192,9 @@ def next_foot(phase: Phase) -> str | None:
     return None
 
 
-def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Place:
+def landing_pose(
+    phase: SingleSupport, heading: float, velocity: Velocity
+) -> tuple[float, float, float]:
     """Return x, y [m] and yaw [rad] of the swing foot's landing."""
     turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
     return phase.goal.real, phase.goal.imag, phase.given[0].yaw if phase.given else turned
