@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import wbc
 from tests.retargeting.humans import crouching, stepping
@@ -48,6 +49,21 @@ def test_swinging_soles_below_the_ground_are_noted(crouch: wbc.Retargeted) -> No
     assert [note.split(",")[0] for note in notes] == [
         f"the swinging {foot} sole is up to 20 mm below the ground" for foot in crouch.robot.feet
     ]
+
+
+def test_retargeting_uses_one_blas_thread_and_restores_the_others(hoap2: Robot) -> None:
+    """Beside other work a motion of a G1 took 40 times as long with the threads of BLAS."""
+
+    def threads() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    seen = set[int]()
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        wbc.retarget(
+            crouching(), hoap2, rounds=1, duration=4.0, progress=lambda *_: seen.update(threads())
+        )
+        assert (seen, threads()) == ({1}, before)
 
 
 def test_crouch_does_not_move_the_feet(crouch: wbc.Retargeted) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
+from threadpoolctl import threadpool_limits
+
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
 from wbc.retargeting.constraint_projection import update_footprints
@@ -159,7 +161,9 @@ def retarget(
         targets, axes = targets_at(scale)
         return TrajectoryProblem(FrameTasks(setup, targets, weights), setup.collision), axes
 
-    found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
+    # LAPACK factorizes narrow bands: BLAS's threads wait for each other, up to 40 times as long.
+    with threadpool_limits(limits=1, user_api="blas"):
+        found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
     notes, reduced = [*setup.notes, *setup.body.notes, *found.notes(scale.time)], setup.robot
     tasks = found.problem.tasks
     targets, k = tasks.targets, found.problem.states(found.q).part("momentum", 6)[:, 3:]
