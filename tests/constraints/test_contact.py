@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from tests.standing import commanded
-from wbc.constraints import ComSupport, Contact, Limits, PointContact, TiltLimit, support
+from wbc.constraints import (
+    ComSupport,
+    Contact,
+    FrictionCone,
+    Limits,
+    PointContact,
+    TiltLimit,
+    support,
+)
 from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
@@ -114,6 +122,16 @@ def test_corners_are_given_once(here) -> None:
     with pytest.raises(InvalidInputError, match=r"corners: cannot be assigned; .* set_contacts"):
         contact.corners = [[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]
     assert len(contact.corners) == len(here.robot.feet["left"].polygon)
+
+
+def test_friction_of_a_held_base_is_refused(here) -> None:
+    """It was dropped, without a word."""
+    contact = Contact.hold(here, "base")
+    assert contact.friction is None
+    with pytest.raises(InvalidInputError, match=r"friction: what holds the base also pulls"):
+        Contact.hold(here, "base", friction=FrictionCone(0.5))
+    with pytest.raises(InvalidInputError, match=r"friction: what holds the base also pulls"):
+        contact.friction = FrictionCone(0.5)
 
 
 def test_what_is_no_snapshot_is_named(here) -> None:

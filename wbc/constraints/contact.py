@@ -95,7 +95,7 @@ class Contact(CoreTask):
         law.setdefault("kp", self.STIFFNESS)
         super().__init__(robot, frame, self.ROWS, **law)
         self.frame = frame
-        self.friction = None if frame == BASE else friction
+        self.friction = None if frame == BASE and friction is DEFAULT_FRICTION else friction
         self.corners = self._corners(corners)
         self.position, self.rotation = position, rotation
 
@@ -108,6 +108,11 @@ class Contact(CoreTask):
         elif name == "friction" and not isinstance(value, FrictionCone | None):
             raise InvalidInputError(
                 f"{self}, friction: expected FrictionCone(0.6), or None, got {shown(value)}"
+            )
+        elif name == "friction" and value is not None and self.frame == BASE:
+            raise InvalidInputError(
+                f"{self}, friction: what holds the base also pulls, and has no friction; leave it"
+                " out"
             )
         elif name == "corners" and name in self.__dict__:  # forces at them are unknowns of a QP
             raise InvalidInputError(

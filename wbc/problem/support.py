@@ -28,6 +28,7 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.robot import Robot, Snapshot
+from wbc.robot.names import BASE
 from wbc.run.phase_support import off_the_ground
 
 # Largest distance of the corners of standing soles from the ground at the start [m].
@@ -150,7 +151,7 @@ def contacts_of(
     kinds = {"fixed": Contact, "point": PointContact, "line": LineContact}
     held = (
         (kinds[one.type] if one.type else default_contact(robot, frame)).hold(
-            snapshot, frame, **one.settings(friction)
+            snapshot, frame, **one.settings(DEFAULT_FRICTION if frame == BASE else friction)
         )
         for one, frame in zip(wanted, frames, strict=True)
     )
