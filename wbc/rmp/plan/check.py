@@ -25,7 +25,7 @@ from wbc.validate import Array
 TOLERANCE = 1e-6
 # Largest change of the angular momentum in a flight [kg m^2/s].
 DRIFT = 1e-8
-_UNITS = {
+UNITS = {  # of states, goals and limits, by name
     "com": "m",
     "com_velocity": "m/s",
     "orientation": "rad",
@@ -69,7 +69,7 @@ class Check:
     from the left one.
     """
 
-    defects: dict[str, float]  # by state, SI units (orientation in rad)
+    defects: dict[str, float]  # by state, in UNITS
     limits: tuple[Excess, ...]  # worst moment of each in each phase, goal, period; the worst first
     drift: float  # largest change of k_G within a flight [kg m^2/s]; zero if there is none
     lost_contact: tuple[str, ...]  # stances with hardly any ground force at some time
@@ -182,14 +182,14 @@ def _ends(plan: Plan) -> list[Excess]:
                 missed = _missed_angle(problem.reference, state, there)
             else:
                 missed = float(np.nanmax(np.abs(there - values), initial=0.0))
-            out.append(Excess(where, name, time, missed, _UNITS[name]))
+            out.append(Excess(where, name, time, missed, UNITS[name]))
     for name, change in problem.period.items():
         first, last = getattr(knots, name)[0], getattr(knots, name)[-1]
         if name == "orientation":
             missed = angle_between(first, last)
         else:
             missed = float(np.abs(last - first - change[: np.size(first)]).max())
-        out.append(Excess("period", name, plan.duration, missed, _UNITS[name]))
+        out.append(Excess("period", name, plan.duration, missed, UNITS[name]))
     return out
 
 

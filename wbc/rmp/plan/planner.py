@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.rmp.plan.check import Excess, check
+from wbc.rmp.plan.check import UNITS, Excess, check
 from wbc.rmp.plan.layout import scale_of, units_of
 from wbc.rmp.plan.nlp import PlanNlp, elastic
 from wbc.rmp.plan.plan import Plan, Stats
@@ -169,7 +169,7 @@ def _failure(t: Transcription, status: str) -> PlanError:
     seen = check(nearest)
     # If even this search did not converge, its result may violate the dynamics.
     unmet = [
-        Excess("whole plan", f"equation of motion of {name}", nearest.duration, defect, "SI")
+        Excess("whole plan", f"equation of motion of {name}", nearest.duration, defect, UNITS[name])
         for name, defect in seen.defects.items()
         if defect > _LARGEST_DEFECT
     ]
