@@ -243,6 +243,10 @@ class Reaction:
             if part.grasp is not None:
                 local = (part.grasp @ own).reshape(2, 3)
                 own = (local @ part.axes(self.snapshot).T).reshape(6)
+            elif isinstance(
+                part.contact, Contact
+            ):  # along its rows, the world's; a point has three
+                own = np.concatenate((own, np.zeros(6 - own.size)))
             found[part.contact.name] = own
         return found
 
