@@ -79,6 +79,23 @@ def test_a_push_that_the_end_cuts_short_is_told(
     assert any(words in note for note in result.notes) is told
 
 
+@pytest.mark.parametrize(
+    ("left", "words"),
+    [
+        ("frame: left_sole, type: point, friction: grip", "left_sole: grips of the controller"),
+        ("frame: left_hand, friction: grip", "nothing touched left_hand, where the controller"),
+        ("frame: left_sole", ""),
+    ],
+)
+def test_contacts_that_the_simulation_does_not_have_are_told(
+    tmp_path: Path, left: str, words: str
+) -> None:
+    """A grip bore 200 N of a falling robot in silence; that of a point on a sole was a traceback."""
+    text = STAND.replace("support: double", f"support: [right_sole, {{{left}}}]")
+    result = problem(tmp_path, text + "simulation: {duration: 0.1}\n").simulate()
+    assert [note.startswith(words) for note in result.notes] == [True] * bool(words)
+
+
 @pytest.mark.slow
 def test_the_same_file_gives_the_same_bits(tmp_path: Path) -> None:
     noisy = {"simulation.sensors": {"position_noise": 1e-4, "dropout": 0.1, "seed": 3}}

@@ -15,6 +15,7 @@ from wbc.simulation.falling import Verdict
 from wbc.simulation.loop import SimulationTick
 from wbc.simulation.plant import Plant
 from wbc.simulation.recorder import Recorder
+from wbc.simulation.unmet_contacts import UnmetContacts
 
 
 class TrialRecord:
@@ -46,10 +47,11 @@ class TrialRecord:
         self.relaxed = self.lost = 0
         self.tilt = [0.0]
         self._plant, self._phases = plant, phases
+        self._unmet = UnmetContacts(plant)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes of physics and supervisor, and pushes that the end cut short."""
+        """Notes of physics and supervisor, unmet contacts, and pushes that the end cut short."""
         end, dt = self._plant.time, self._plant.dt
         cut_short = [
             f"the push on {one.body} from {one.start:g} s on lasts until {late:g} s, and was over"
@@ -57,7 +59,7 @@ class TrialRecord:
             for one in self.pushes
             if self.verdict.stood and one.start < end < (late := one.start + one.duration) - dt / 2
         ]
-        return (*self._plant.notes, *self._phases.notes, *cut_short)
+        return (*self._plant.notes, *self._phases.notes, *self._unmet.notes, *cut_short)
 
     @property
     def ticks(self) -> int:
@@ -68,6 +70,7 @@ class TrialRecord:
         """Record a control period; return it as a tick of a run, timed at its beginning."""
         tick = as_loop_tick(now, self._plant.dt)
         self.truth.add(now.tick)
+        self._unmet.add(now.tick)
         self.run.add(tick, self._phases.standing, truth=self._true_state(now))
         self.gave_way.update(now.tick.relaxed)
         self.relaxed += bool(now.tick.policy)
