@@ -90,7 +90,7 @@ def test_a_push_that_the_end_cuts_short_is_told(
 def test_contacts_that_the_simulation_does_not_have_are_told(
     tmp_path: Path, left: str, words: str
 ) -> None:
-    """Grips bore 200 N of a falling robot in silence; at a point on a sole they were a traceback."""
+    """Grips bore 200 N of a falling robot in silence; at a sole's point they were a traceback."""
     text = STAND.replace("support: double", f"support: [right_sole, {{{left}}}]")
     result = problem(tmp_path, text + "simulation: {duration: 0.1}\n").simulate()
     assert [note.startswith(words) for note in result.notes] == [True] * bool(words)
