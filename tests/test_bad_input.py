@@ -206,6 +206,7 @@ def test_floating_has_to_be_said(hoap2, caplog: pytest.LogCaptureFixture) -> Non
         assert not caplog.records
         floating = KinematicController(hoap2, tasks)
     assert "nothing holds the feet of hoap2_like, it floats" in caplog.text
+    assert 'support(snapshot, "all") makes it stand' in caplog.text  # also one on four feet
     assert floating.contacts == ()
 
 

@@ -53,7 +53,7 @@ def contacts_or_warn(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[
     if isinstance(robot, Robot) and robot.feet and not robot.fixed_base:
         logging.getLogger(__name__).warning(
             "controller: no contacts are given: nothing holds the feet of %s, it floats; "
-            'contacts=wbc.support(snapshot, "double") makes it stand, contacts=() means to float',
+            'contacts=wbc.support(snapshot, "all") makes it stand, contacts=() means to float',
             robot.name,
         )
     return ()
@@ -328,7 +328,7 @@ def check_list(kind: str, given: Any, wanted: type) -> None:
     what = "Task objects" if wanted is Task else "Constraint objects"
     if isinstance(given, wanted):
         raise InvalidInputError(f"controller, {kind}: expected a list, got one; write [...]")
-    hint = '; wbc.support(snapshot, "double") makes contacts' if kind == "contacts" else ""
+    hint = '; wbc.support(snapshot, "all") makes contacts' if kind == "contacts" else ""
     if isinstance(given, str) or not isinstance(given, Collection):
         raise InvalidInputError(
             f"controller, {kind}: expected a list of {what}, got {given!r}{hint}"
