@@ -18,6 +18,7 @@ from wbc.controllers.joint_weights import moved_by
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.hand_support import HandSupport
+from wbc.gait.legs import check_walker
 from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
@@ -57,6 +58,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     mistakes = Mistakes(source)
     start = _start(spec, folder, mistakes)
     robot = start.robot
+    if isinstance(spec, WalkSpec):
+        mistakes.require(("gait",), partial(check_walker, robot))
     built = dict[str, TargetedTask]()
     for name, task in spec.tasks.items():
         with mistakes.at("tasks", name):
