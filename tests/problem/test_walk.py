@@ -113,18 +113,13 @@ def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:
     assert said in complaint_of(tmp_path, WALK, overrides)
 
 
-@pytest.mark.parametrize(
-    ("robot", "feet"),
-    [("{model: hoap2_like, base: fixed}", ""), ("{model: hoap2_like, feet: FEET}", "front, hind")],
-)
-def test_what_has_no_two_feet_is_told_that_walking_takes_them(
-    tmp_path: Path, robot: str, feet: str
-) -> None:
+def test_what_has_no_two_feet_is_told_that_walking_takes_them(tmp_path: Path) -> None:
     """A quadruped was told to write ``support: all``, and then that no walk has that."""
-    robot = robot.replace("FEET", "{front: {link: left_sole}, hind: {link: right_sole}}")
-    said = complaint_of(tmp_path, WALK.replace("robot: hoap2_like", f"robot: {robot}"))
+    feet = "{front: {link: left_sole}, hind: {link: right_sole}}"
+    text = WALK.replace("robot: hoap2_like", f"robot: {{model: hoap2_like, feet: {feet}}}")
+    said = complaint_of(tmp_path, text)
     assert "p.yaml:2: gait: walker: walking takes two feet, left and right; hoap2_like has" in said
-    assert feet in said and "support" not in said
+    assert "front, hind" in said and "support" not in said
 
 
 FOOTSTEPS = """\
