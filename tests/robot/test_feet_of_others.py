@@ -1,5 +1,6 @@
 """Feet as robots of others have them: drawn off level, on wheels, with frames at heel and toe."""
 
+import math
 import re
 from pathlib import Path
 
@@ -489,6 +490,24 @@ def test_a_lying_cylinder_stands_on_a_line(tmp_path: Path, turned: str) -> None:
         np.testing.assert_allclose(np.linalg.norm(np.ptp(foot.polygon, axis=0)), 0.1, rtol=1e-6)
         np.testing.assert_allclose(robot.frame(foot.frame).placement.rotation[:, 2], [0, 0, 1])
     assert any("left foot touches level ground along a line only" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize("yaw", [0.1, 0.7, 1.3])
+@pytest.mark.parametrize(
+    ("along", "corners"), [((-0.07, 0.013, 0.11), 2), ((0.02, 0.02 + 1e-12), 1)]
+)
+def test_balls_in_line_but_for_rounding_make_a_line_and_in_one_place_a_point(
+    tmp_path: Path, yaw: float, along: tuple[float, ...], corners: int
+) -> None:
+    """Feet were lines 3e-18 m long, and held along these, and soles 1e-18 m wide."""
+    places = (f"{t * math.cos(yaw)!r} {t * math.sin(yaw)!r} -0.02" for t in along)
+    balls = "".join(urdf.collision('sphere radius="0.01"', place) for place in places)
+    robot = Robot.load(biped(tmp_path, balls))
+    for foot in robot.feet.values():
+        assert len(foot.polygon) == corners
+        length = np.linalg.norm(np.ptp(foot.polygon, axis=0))
+        np.testing.assert_allclose(length, along[-1] - along[0], atol=1e-9)
+    assert not [note for note in robot.notes if "other units" in note]
 
 
 def test_nothing_of_a_foot_of_round_shapes_is_below_its_sole(tmp_path: Path) -> None:

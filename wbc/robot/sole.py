@@ -18,7 +18,7 @@ FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
 FULL_SHARE, SMALL_SHARE = 0.5, 0.25
 LEAST_UPWARD = np.cos(np.deg2rad(30.0))  # of the normal of such a face
 FACE_SEARCHES = 2  # repetitions: the lowest points of round shapes depend on the face
-LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane
+LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane, on a line, or one
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
 ALMOST_VERTICAL = np.cos(np.deg2rad(5.0))  # of an axis that is taken to be vertical
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
@@ -163,7 +163,16 @@ def _flat_part(points: Array, axes: Array) -> tuple[float, Array]:
     """Return how high the lowest points (k, 3) are along the third axis, and their hull."""
     local = points @ axes
     lowest = float(local[:, 2].min())
-    return lowest, thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
+    return lowest, thinned(_without_rounding(convex_hull(local[local[:, 2] <= lowest + FLAT, :2])))
+
+
+def _without_rounding(hull: Array) -> Array:
+    """Return a hull (k, 2) as the segment or the point that it is but for rounding."""
+    about = hull - hull.mean(axis=0)
+    along, across = (about @ np.linalg.svd(about)[2].T).T
+    if np.ptp(along) < LEVEL_BALLS:
+        return hull[:1]
+    return hull[sorted((along.argmin(), along.argmax()))] if np.ptp(across) < LEVEL_BALLS else hull
 
 
 def _tilted_face(points: Array, axes: Array) -> Array | None:
