@@ -309,6 +309,23 @@ def test_legs_that_stick_out_do_not_turn_the_robot_over(tmp_path: Path) -> None:
     assert q[2] > 0.1
 
 
+def test_legs_of_insects_are_not_said_to_end_above_the_base(tmp_path: Path) -> None:
+    """Their knees are level with the trunk; what makes them feet is to name them."""
+    parts, feet = [link("trunk", mass=3)], {}
+    for k in range(6):
+        x, y = (0.2 * math.cos(k + 0.5), 0.2 * math.sin(k + 0.5))
+        parts += [
+            link(f"tibia_{k}", BALL),
+            joint(f"k{k}", "trunk", f"tibia_{k}", "0 1 0", f"{x} {y} 0"),
+        ]
+        feet[f"leg_{k}"] = {"link": f"tibia_{k}"}
+    path = tmp_path / "insect.urdf"
+    path.write_text(f'<robot name="insect">{"".join(parts)}</robot>')
+    (note,) = (note for note in Robot.load(path).notes if "no feet were found" in note)
+    assert "tibia_5, which reach below the base, move about joints level with it" in note
+    assert [len(foot.polygon) for foot in Robot.load(path, feet=feet).feet.values()] == [1] * 6
+
+
 BALL = '<collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geometry></collision>'
 
 

@@ -377,8 +377,14 @@ def _lowest_pair(
     low = {joint: z for joint, z in height.items() if z < base - BELOW_BASE}
     low = {joint: z for joint, z in low.items() if z < min(low.values()) + 2 * SAME_HEIGHT}
     names = [str(ends[joint].name) for joint in low]
-    if not low:
-        return {}, f"{NAMELESS}, and no limb ends below the base"
+    if not low:  # the knees of an insect's legs are level with its trunk
+        beneath = [
+            str(ends[joint].name)
+            for joint in ends
+            if lowest_point(model, data, geometry, joint) < base - BELOW_BASE
+        ]
+        high = f"{', '.join(beneath)}, which reach below the base, move about joints level with it"
+        return {}, f"{NAMELESS}, and {high if beneath else 'no limb ends below the base'}"
     lowest = f"{NAMELESS}; the lowest ends of limbs, {', '.join(names)}"
     if any(words_of(name) & NOT_FEET for name in names):
         return {}, f"{lowest}, are called hands or wheels"
