@@ -380,7 +380,7 @@ def _lowest_pair(
     if not low:  # the knees of an insect's legs are level with its trunk
         beneath = [
             str(ends[joint].name)
-            for joint in ends
+            for joint in sorted(ends)
             if lowest_point(model, data, geometry, joint) < base - BELOW_BASE
         ]
         high = f"{', '.join(beneath)}, which reach below the base, move about joints level with it"
