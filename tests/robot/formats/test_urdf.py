@@ -173,7 +173,7 @@ REFUSED_URDFS = {
     ),
     "mimic of nothing": (
         link("a") + link("b") + joint("j", "a", "b", inside=LIMIT + '<mimic joint="x"/>'),
-        ("'j'", "'x'", "not supported"),
+        ("'j'", "'x'", "but there is no joint 'x'; or lock"),
     ),
     "mimic that turns": (
         link("a")
@@ -185,7 +185,7 @@ REFUSED_URDFS = {
         + joint("m", "a", "d", inside=LIMIT)
         + joint("n", "d", "e", inside=LIMIT + '<mimic joint="m"/>')
         + link("e"),
-        ("'k'", "'j'", "turn without end", "locked={'k': 0.0}"),  # n is fine
+        ("'k'", "'j' turns without end: give it limits", "locked={'k': 0.0}"),  # n is fine
     ),
     "mimic text": (
         link("a")

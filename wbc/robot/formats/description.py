@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, nearest
 from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.limits import JointLimits
@@ -294,25 +294,31 @@ def _final_driver(description: Description, joint: str, locked: Mapping[str, flo
         if step.is_constant:
             return Coupling("", 0.0, found.value(step.offset))
         after = found.after(step)
-        usable = after is not None and _single_coordinate(description.model, joint, step.driver)
-        found = found if after is None else after
-        if step.driver in seen or not usable:
+        why = _why_uncoupled(description.model, joint, step.driver)
+        if after is None:
+            why = f"together that is a polynomial beyond degree {DEGREE}"
+        elif step.driver in seen:
+            why = "these follow each other in a circle"
+        if after is None or why:
             remedy = ", ".join(f"{name!r}: 0.0" for name in _joints_to_lock(description, {*locked}))
             raise ModelError(
                 f"{description.path}: joint {joint!r} is coupled to {step.driver!r} (mimic or"
-                " equality) in a way that is not supported: beyond degree 4, in a circle, or of"
-                " joints that turn without end or are not there; lock every such joint:"
-                f" locked={{{remedy}}}"
+                f" equality), but {why}; or lock every such joint: locked={{{remedy}}}"
             )
+        found = after
         seen.append(step.driver)
     return found
 
 
-def _single_coordinate(model: pin.Model, *joints: str) -> bool:
-    """Return whether all joints are there, with one number as their coordinate."""
-    ids = [model.getJointId(name) for name in joints if model.existJointName(name)]
-    plain = all((model.nqs[k], model.nvs[k]) == (1, 1) for k in ids)
-    return plain and len(ids) == len(joints)
+def _why_uncoupled(model: pin.Model, *joints: str) -> str:
+    """Return why joints cannot be coupled, in words; empty if all have one coordinate."""
+    for name in joints:
+        if not model.existJointName(name):
+            meant = nearest(name, [one for one in list(model.names)[2:] if one not in joints])
+            return f"there is no joint {name!r}" + (f" ({meant!r}?)" if meant else "")
+        if model.nqs[model.getJointId(name)] > 1:
+            return f"{name!r} turns without end: give it limits (revolute, not continuous)"
+    return ""
 
 
 def _joints_to_lock(description: Description, locked: Collection[str]) -> list[str]:
@@ -324,7 +330,7 @@ def _joints_to_lock(description: Description, locked: Collection[str]) -> list[s
             name = description.coupled[name].driver
             if not name:  # a constant
                 break
-            if name in seen or not _single_coordinate(description.model, joint, name):
+            if name in seen or _why_uncoupled(description.model, joint, name):
                 found.append(joint)
                 break
             seen.append(name)
