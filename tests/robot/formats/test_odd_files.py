@@ -92,6 +92,14 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         tied(*(f'joint1="j1" joint2="{k}" polycoef="0 1 1"' for k in ("j2", "j3")), bodies=THREE),
         "joint 'j1' is tied by several",
     ),
+    "beyond degree 4": (
+        tied(
+            'joint1="j1" joint2="j2" polycoef="0 1 1"',
+            'joint1="j2" joint2="j3" polycoef="0 1 0 1"',
+            bodies=THREE,
+        ),
+        r"'j1' is coupled to 'j3' .*, but together that is a polynomial beyond degree 4; or lock",
+    ),
     "the motor's joint drives": (
         tied('joint1="j1" joint2="j2" polycoef=".1 2"', motor="j1"),
         couplings(j2=("j1", 0.5, -0.05)),

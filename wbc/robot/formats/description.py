@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError, nearest
-from wbc.robot.formats.couplings import Coupling, Loop
+from wbc.robot.formats.couplings import DEGREE, Coupling, Loop
 from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
