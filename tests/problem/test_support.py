@@ -73,3 +73,17 @@ def test_words_that_do_not_fit(
 ) -> None:
     with pytest.raises(ProblemFileError, match=words):
         load(tmp_path, quadruped, support, over)
+
+
+@pytest.mark.parametrize(("on_ground", "height"), [(True, -0.3), (False, 0.0)])
+def test_what_stands_on_its_back_may_stay_where_its_posture_has_it(
+    tmp_path: Path, quadruped, caplog: pytest.LogCaptureFixture, on_ground: bool, height: float
+) -> None:
+    """Soles on the ground put the rest of a robot whose legs point up below it, in silence."""
+    start = {"start.joints": {"*_thigh_joint": 3.0}, "start.on_ground": on_ground}
+    text = TEXT.format(robot=quadruped, support="[{frame: FL_thigh, type: point}]", over="all")
+    parts = problem_of(tmp_path, text, {**start, "start.posture": "neutral"}).parts
+    z = parts.robot.snapshot(parts.start).position("FL_thigh")[2]
+    assert z < height if on_ground else z == pytest.approx(height, abs=1e-12)
+    told = "support: FL_thigh begins"
+    assert (told in caplog.text and "start: {on_ground: false}" in caplog.text) is on_ground

@@ -36,6 +36,7 @@ from wbc.problem.support import (
     check_support_given,
     contacts_of,
     slack_by_frame,
+    tell_below_ground,
 )
 from wbc.problem.walk import WalkSpec, walker_of
 from wbc.robot import Snapshot
@@ -96,6 +97,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         _check_where_forces_act(spec, phases, start, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
+    if spec.start.on_ground and not any(spec.simulation.terrain.slope):
+        tell_below_ground(phases[0].hold(start), start)
     parts = Parts(
         robot=robot,
         start=start.q,

@@ -143,12 +143,15 @@ RobotChoice = Annotated[
 
 
 class StartSpec(Section):
-    """Where the robot starts; its lowest sole is put on the ground, z = 0."""
+    """Where the robot starts."""
 
     posture: Name = "standing"
     """A posture of the robot: neutral, standing, or one from its SRDF."""
     joints: dict[Name, Number] = Field(default_factory=dict)
     """Joint values [rad or m] by name or pattern, over those of the posture."""
+    on_ground: bool = True
+    """Whether the lowest sole is put on the ground, z = 0; false: the base stays where the posture
+    has it, as of a robot that stands on its hands or knees."""
     motion: Name | None = None
     """Where a standing motion begins, in place of a posture: a .npz file that `wbc retarget` wrote,
     relative to this file."""
@@ -162,8 +165,8 @@ class StartSpec(Section):
             No such motion, or one of another robot; a posture or joints besides it.
         """
         if self.motion is None:
-            return robot.posture(self.posture, self.joints)
-        for key in ("posture", "joints"):
+            return robot.posture(self.posture, self.joints, self.on_ground)
+        for key in ("posture", "joints", "on_ground"):
             if key in self.model_fields_set:
                 raise Misplaced("the robot starts where the motion begins; leave this out", key)
         from wbc.retargeting.standing import StandingMotion  # only now: it loads SciPy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal
 
@@ -205,6 +206,20 @@ def check_feet_on_ground(
                 f"{why}; change start.joints (hip, knee, ankle), or list the frames that are to be"
                 f" held where they are: support: [{frames}]"
             )
+
+
+def tell_below_ground(contacts: Iterable[Contact], start: Snapshot) -> None:
+    """Warn of contacts below the ground: hands of a handstand whose soles are put on it."""
+    depths = {one.frame: -float(start.position(one.frame)[2]) for one in contacts}
+    deep = {frame: depth for frame, depth in depths.items() if depth > GROUND_TOLERANCE}
+    if deep and start.robot.feet and not start.robot.fixed_base:
+        frame = max(deep, key=lambda one: deep[one])
+        logging.getLogger(__name__).warning(
+            "support: %s begins %.3g m below the ground, z = 0, where the lowest sole is put;"
+            " start: {on_ground: false} leaves the base where the posture has it",
+            frame,
+            deep[frame],
+        )
 
 
 def slack_by_frame(robot: Robot, supports: Iterable[Support | None]) -> dict[str, float]:
