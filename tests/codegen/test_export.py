@@ -228,6 +228,14 @@ def test_a_bus_of_another_robot_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "c").exists()
 
 
+def test_a_recorded_robot_that_fell_is_told(tmp_path: Path) -> None:
+    """A single tick to compare with was the only sign of it."""
+    fragile = "simulation: {duration: 0.2, falls: {tilt: 1.0e-9}}"
+    path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", fragile))
+    done = wbc_command("codegen", path, "-o", tmp_path / "c")
+    assert "note: the recorded robot fell at t = 0.0" in done.output
+
+
 @pytest.mark.slow
 def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
     """What no tick can keep is relaxed by Python alone; joints outside limits are no reason."""

@@ -96,6 +96,8 @@ def _problem(
         print_note(f"solved by active_set, as C is, not by {made.solver}")
     for reason, count in made.recording.left_out.items():
         print_note(f"in {count} ticks, left out, C gives no command: {reason}")
+    if made.recording.fell:
+        print_note(f"the recorded robot {made.recording.fell}")
     for note in made.left_out:
         print_note(note)
     count = len(made.recording.ticks)

@@ -52,6 +52,8 @@ class TickRecording:
         Without those of lost frames, and those left out.
     left_out:
         Ticks in which the core alone gives no command, by the reason.
+    fell:
+        Why and when the simulated robot fell; empty if it stood.
     """
 
     def __init__(self, most: int) -> None:
@@ -62,6 +64,7 @@ class TickRecording:
         self.numbers: Array
         self.ticks: list[RecordedTick] = []
         self.left_out = Counter[str]()
+        self.fell = ""
         self._last: Snapshot | None = None
 
     def full(self) -> bool:
@@ -108,7 +111,11 @@ def record(problem: Problem, ticks: int) -> TickRecording:
     found = TickRecording(ticks)
     torque = isinstance(problem.spec.controller, TorqueSpec)
     run: Mapping[str, Any] = {"cancelled": found.full, "show": found.add}
-    (problem.simulate if torque else problem.run)(**run)
+    if torque:
+        verdict = problem.simulate(**run).verdict
+        found.fell = "" if verdict.stood else verdict.reason
+    else:
+        problem.run(**run)
     if not found.ticks:
         reasons = ", ".join(found.left_out)
         raise CodegenError(f"the exported C gives no command in any tick of the run: {reasons}")
