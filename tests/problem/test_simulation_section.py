@@ -79,6 +79,14 @@ def test_a_push_that_the_end_cuts_short_is_told(
     assert any(words in note for note in result.notes) is told
 
 
+def test_the_cop_counts_from_the_first_step_on(tmp_path: Path) -> None:
+    """Without a torque yet, hoap2 stood on its heels: 34 mm inside its soles in place of 44."""
+    result = problem(tmp_path, STAND + "simulation: {duration: 0.1}\n").simulate()
+    margins = result.arrays["cop_margin"]
+    assert np.isnan(margins[0]) and np.isfinite(margins[1:]).all()
+    assert result.least_cop_margin == margins[1:].min() > 0.04
+
+
 @pytest.mark.parametrize(
     ("left", "words"),
     [

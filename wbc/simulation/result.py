@@ -283,9 +283,10 @@ class SimulationResult:
 
 
 def cop_margin(robot: Robot, truth: Mapping[str, Array]) -> Array:
-    """Return the CoP's distance inside the loaded soles (n,) [m]; NaN in the air.
+    """Return the CoP's distance inside the loaded soles (n,) [m]; NaN in the air, and at the start.
 
-    Of the soles alone: a hand on the ground changes neither.
+    Of the soles alone: a hand on the ground changes neither. Before the first step rounding says
+    which soles touch: one of six bore the weight there is without torques.
 
     Parameters
     ----------
@@ -295,7 +296,7 @@ def cop_margin(robot: Robot, truth: Mapping[str, Array]) -> Array:
     margins = np.full(len(truth["time"]), np.nan)
     min_load = MIN_LOAD * robot.weight
     feet = {name: foot.frame for name, foot in robot.feet.items()}
-    for k, q in enumerate(truth["q"]):
+    for k, q in enumerate(truth["q"][1:], start=1):
         wrenches = {name: truth[f"forces/{frame}"][k] for name, frame in feet.items()}
         loaded = {name: one for name, one in wrenches.items() if one[2] > min_load}
         if loaded:
