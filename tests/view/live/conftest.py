@@ -74,7 +74,7 @@ class Stage:
     def __init__(self, robot: wbc.Robot, **options: Any) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = page_address(HOST, None)
-        self.server = Server(place.host, place.port)
+        self.server = Server(place.host, place.port, "test", robot.name)
         setup = Setup(robot, "test", clock=True, steer=True, **options)
         self.page = Page(setup, self.server, theirs)
 

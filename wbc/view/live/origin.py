@@ -21,6 +21,7 @@ from websockets.http11 import Request, Response
 
 LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
 Answer = Callable[[ServerConnection, Request], Response | None]
+Change = Callable[[Response], Response]
 
 
 def refusal(host: str, headers: Headers) -> str:
@@ -45,8 +46,11 @@ def _name(address: str) -> str:
 
 
 @contextmanager
-def own_pages_only(host: str) -> Iterator[None]:
-    """Make a server started in this context refuse foreign pages; viser has no option for it."""
+def own_pages_only(host: str, change: Change) -> Iterator[None]:
+    """Make a server started in this context refuse foreign pages; viser has no option for it.
+
+    ``change`` is applied to each file that it serves.
+    """
     serve = websocket_server.serve
 
     def guarded(*arguments: Any, process_request: Answer | None = None, **options: Any) -> Any:
@@ -54,7 +58,8 @@ def own_pages_only(host: str) -> Iterator[None]:
             reason = refusal(host, request.headers)
             if reason:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
-            return None if process_request is None else process_request(connection, request)
+            served = None if process_request is None else process_request(connection, request)
+            return None if served is None else change(served)
 
         return serve(*arguments, process_request=answer, **options)
 

@@ -10,6 +10,7 @@ import pickle
 import threading
 import time
 import traceback
+from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -34,6 +35,7 @@ from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
 from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.live.sliders import Sliders
+from wbc.view.live.tab_title import with_title
 
 NICE = 10  # lower priority than the control loop
 SHARE = 0.2  # of a processor: limit on drawing; slow drawing means fewer frames
@@ -48,11 +50,20 @@ AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in siz
 
 
 class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
-    """A server that refuses foreign pages, and requests for a public tunnel."""
+    """A server that refuses foreign pages, and requests for a public tunnel.
 
-    def __init__(self, host: str, port: int, label: str | None = None) -> None:
-        with own_pages_only(host):
-            super().__init__(host, port, label=label, verbose=False)
+    Parameters
+    ----------
+    title:
+        Of the panel.
+    robot:
+        The robot's name, for the title of the browser's tab.
+    """
+
+    def __init__(self, host: str, port: int, title: str, robot: str) -> None:
+        tab = " - ".join(dict.fromkeys((title, robot, "wbc")))
+        with own_pages_only(host, partial(with_title, title=tab)):
+            super().__init__(host, port, label=title, verbose=False)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse."""
@@ -218,7 +229,7 @@ def main(descriptor: int) -> None:
     with Connection(descriptor) as pipe:
         place, setup = pickle.loads(pipe.recv_bytes()), pickle.loads(pipe.recv_bytes())
         try:
-            server = Server(place.host, place.port, setup.title)
+            server = Server(place.host, place.port, setup.title, setup.robot.name)
             port = server.get_port()
             if place.exact and port != place.port:
                 pipe.send(Failed(f"port {place.port} was taken in the meantime"))
