@@ -64,6 +64,8 @@ def _math(found: re.Match[str]) -> str:
     made = convert(html.unescape(text), display="block" if kind == "div" else "inline")
     if "<mi>&</mi>" in made or "\\" in made:  # what the converter does not know it passes on
         raise PluginError(f"equation not understood: {text}")
+    if any(ord(one) > 0xFFFF for one in made):  # script letters and the like: boxes in most fonts
+        raise PluginError(f"equation with letters that only mathematical fonts have: {text}")
     return made
 
 
