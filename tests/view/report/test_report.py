@@ -66,6 +66,13 @@ def test_the_replay_is_the_run(result: Result, page: str) -> None:
     assert data["stands"] == [True] * count
 
 
+def test_what_held_back_ends_with_its_last_tick(result: Result, page: str) -> None:
+    label, one = next((k, v) for k, v in result.held_back.items() if v.last > v.first)
+    assert one.ticks == round((one.last - one.first) / result.dt) + 1  # without a break
+    cells = [f"{x:.4g}" for x in (one.ticks * result.dt, one.first, one.last + result.dt)]
+    assert f"<td>{label}</td>" + "".join(f"<td>{cell}</td>" for cell in cells) in page
+
+
 def test_shapes_are_rounded_by_less_than_a_step(result: Result, page: str) -> None:
     shapes = RobotMeshes(result.robot).in_joint_frames
     meshes = limit_triangles([mesh for _, mesh in shapes], 40_000)
@@ -204,9 +211,11 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         left = tab.evaluate("com.at(-3) - followed(0.05).at(-1)[0]")
         tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
         assert tab.evaluate("document.documentElement.scrollWidth") == 390
+        wide = tab.evaluate("document.querySelector('.plot').clientWidth")
         browser.close()
     assert complaints == []
     assert stays == pytest.approx(numbers(data_of(page)["com"], (-1, 3))[0, :2])
     assert 0.05 < left < 0.3  # m: it walks out of the picture, and the view goes after it
     assert len({begins, ends, bare}) == 3
+    assert wide >= 600  # pixels: the plots' labels can be read, and scroll
     assert clock in ("0.29 s", "0.30 s")

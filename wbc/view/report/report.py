@@ -189,10 +189,10 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[str]:
         for name, one in items("constraints")
     ]
     yield _table("Constraints", ("constraint", "least left [mm]", "at", "time [s]"), constraints)
-    held = [
-        (name, *(_number(one[key]) for key in ("seconds", "first", "last")))
-        for name, one in items("held_back")
-    ]
+    held = []
+    for name, one in items("held_back"):  # to the end of the last tick, as the terminal tells it
+        until = one["last"] + one["seconds"] / one["ticks"]
+        held.append((name, *map(_number, (one["seconds"], one["first"], until))))
     yield _table(f"Held back by ({len(held)})", ("row", "for [s]", "from", "to"), held[:SHOWN])
     times = [
         (clock, *(_number(one[key], 1e3) for key in ("median", "p99", "max")))
