@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.urdf import stone
 from tests.view.live.conftest import Stage, client_of, frame_at, rotation_of, tell
 from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
@@ -154,3 +155,18 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
 
 def test_nobody_can_ask_for_a_tunnel(stage: Stage) -> None:
     assert stage.server.request_share_url() is None
+
+
+def test_a_robot_without_shapes_is_seen_by_its_ellipsoid() -> None:
+    body = wbc.Robot.load(stone(mass=2, moment=1))
+    stage = Stage(body)
+    controller = wbc.KinematicController(body, [wbc.ComTask(body, np.zeros(3))], dt=0.01)
+    snapshot = stage.show(controller, body.posture("neutral"))
+    stage.server.stop()
+    a = np.sqrt(2.5 * 1 / 2)  # m: I = M/5 (a^2 + a^2) of a ball
+    camera = stage.server.initial_camera
+    np.testing.assert_allclose(camera.look_at, snapshot.com, atol=1e-9)
+    assert np.linalg.norm(camera.position - camera.look_at) > 2.0 * a
+    assert 0.0 < camera.near < a < camera.far
+    note = stage.page._panel._note
+    assert note.startswith("there are no visual shapes, and no collision shapes to draw instead: ")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.errors import ModelError
+from wbc.rmp.ellipsoid import equimomental
 from wbc.robot import Robot
 from wbc.robot.collision import fitted_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes
@@ -42,7 +43,8 @@ class RobotShapes:
         try:
             bodies = fitted_bodies(robot)
         except ModelError as error:
-            self.note += f"; no shapes to draw: {error}"
+            why = self.note or "there are no visual shapes"
+            self.note = f"{why}, and no collision shapes to draw instead: {error}"
             return ()
         self.note = f"collision shapes are drawn; {self.note or 'there are no visual ones'}"
         grey = (GREY[0] / 255.0, GREY[1] / 255.0, GREY[2] / 255.0)
@@ -53,12 +55,20 @@ class RobotShapes:
         ]
 
     def extent(self, robot: Robot, q: Array) -> tuple[Array, Array]:
-        """Return the lowest and the highest corner (3,) of all shapes at ``q`` [m]."""
-        rotations, origins = robot.snapshot(q).joint_placements
+        """Return the lowest and the highest corner (3,) of all shapes at ``q`` [m].
+
+        Those of the ellipsoid's axes, if there are no shapes.
+        """
+        snapshot = robot.snapshot(q)
+        rotations, origins = snapshot.joint_placements
         corners = [
             mesh.vertices @ rotations[joint].T + origins[joint] for joint, mesh in self.shapes
         ]
-        points = np.concatenate([*corners, robot.snapshot(q).com[None]])
+        if not corners:
+            ellipsoid = equimomental(snapshot.inertia, robot.mass)
+            arms = ellipsoid.semi_axes[:, None] * ellipsoid.axes.T
+            corners = [origins, snapshot.com + arms, snapshot.com - arms]
+        points = np.concatenate([*corners, snapshot.com[None]])
         return points.min(axis=0), points.max(axis=0)
 
 
