@@ -161,7 +161,7 @@ def test_a_robot_without_shapes_is_seen_by_its_ellipsoid() -> None:
     body = wbc.Robot.load(stone(mass=2, moment=1))
     stage = Stage(body)
     controller = wbc.KinematicController(body, [wbc.ComTask(body, np.zeros(3))], dt=0.01)
-    snapshot = stage.show(controller, body.posture("neutral"))
+    snapshot = stage.show(controller, body.posture("neutral"))  # its CoM is in the ground's plane
     stage.server.stop()
     a = np.sqrt(2.5 * 1 / 2)  # m: I = M/5 (a^2 + a^2) of a ball
     camera = stage.server.initial_camera

@@ -57,11 +57,15 @@ class ShownFrame:
 
     @cached_property
     def state(self) -> RmpState:
-        """The reaction mass pendulum: of the contact forces if they are known, else at rest."""
+        """The reaction mass pendulum: of the contact forces if they are known, else at rest.
+
+        Of a robot that does not stand it is in flight: no leg, wherever its CoM is.
+        """
+        known = [one[1:] for one in self.forces]
         return reduce(
             self.snapshot,
             feet=[foot.name for foot in self.standing] or None,
-            wrenches=[one[1:] for one in self.forces] or None,
+            wrenches=known if known or not self.has_ground else None,
             previous=self._previous,
             ground_height=float(self.on_ground(self.snapshot.com)[2]),
         )
