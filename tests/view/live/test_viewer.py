@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.urdf import stone
 from tests.view.live.conftest import client_of
 from wbc.errors import InvalidInputError, WbcError
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -80,6 +81,21 @@ def test_the_page_is_sent_updates_in_order_and_the_last_one(viewer, robot, monke
     assert viewer.dropped - dropped == 20_000 - sum(
         one < 20_000.0 for one in sent
     )  # it may be sent
+
+
+def test_what_is_no_state_of_the_robot_is_refused_in_the_loop(viewer, robot) -> None:
+    snapshot = robot.snapshot(robot.posture("standing"))
+    other = wbc.Robot.load(stone())
+    for wrong, said in (
+        ((other.snapshot(other.posture("neutral")),), "of another robot, 'stone'"),
+        ((snapshot.q,), "expected a snapshot"),
+        ((snapshot, snapshot), "tick: expected a Tick"),
+        ((snapshot, None, "1 s"), "time: "),
+        ((snapshot, None, np.nan), "time: must be finite"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            viewer.update(*wrong)
+    assert not viewer.closed
 
 
 @pytest.mark.slow

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 from wbc.controllers import Controller, Tick
 from wbc.controllers.checks import check_parts
 from wbc.extras import require
+from wbc.kinds import check_kind
 from wbc.robot import Robot, Snapshot
-from wbc.robot.model import check_robot
+from wbc.robot.model import check_robot, check_sizes
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.validate import Array
+from wbc.validate import Array, finite_number
 from wbc.view.live.collect import controller_info, obstacles_of, targets_of, tick_info
 from wbc.view.live.messages import Frame, PullForce, Request, Setup, TaskRequest, WholeRun
 from wbc.view.live.process import HOST, Failed, PageProcess, page_address
@@ -186,9 +187,17 @@ class Viewer:
             (3,) force that pushes the robot now [N], world axes.
         pull:
             The user's pull.
+
+        Raises
+        ------
+        InvalidInputError
+            Not a snapshot, or one of another robot; not a tick; or a time that is not finite.
         """
+        check_sizes("Viewer.update", self.robot, snapshot)
+        check_kind("Viewer.update, tick", tick, Tick, "controller.step(snapshot)", or_none=True)
+        at = self._since_first() if time is None else finite_number("Viewer.update, time", time)
         self.steer()
-        at, q, v = self._since_first() if time is None else time, snapshot.q, snapshot.v
+        q, v = snapshot.q, snapshot.v
         frame = Frame(at, q, v, phase=phase, remark=remark, playing=playing, push=push, pull=pull)
         self._news.append(Update(frame, tick, self.controller, seconds))
         self._put += 1
