@@ -124,7 +124,10 @@ def _constraints(result: Result) -> Table:
     table = heads("constraint", "least left [mm]", "at", "time [s]")
     for name, worst in result.clearance.items():
         told = f"{name} (may give way)" if name in result.yielding else name
-        size = Text(f"{1e3 * worst.value:.3g}", style="" if worst.value >= 0.0 else "yellow")
+        left = (
+            f"{1e3 * worst.value:.3g}" if worst.unit == "m" else f"{worst.value:.3g} {worst.unit}"
+        )
+        size = Text(left, style="" if worst.value >= 0.0 else "yellow")
         table.add_row(Text(told), size, Text(worst.where), f"{worst.tick * result.dt:.3f}")
     return table
 

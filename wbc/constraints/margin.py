@@ -22,7 +22,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import asdict, dataclass, fields
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -85,9 +85,15 @@ class Margin(DeclaredAttributes, Constraint):
         How fast clearance may be used up.
     limits:
         If given, braking counts on no more than half of their joint accelerations.
+
+    Attributes
+    ----------
+    unit:
+        Of its clearances; a class of angles says ``"rad"``.
     """
 
     braking: BrakingParameters
+    unit: ClassVar[str] = "m"
 
     def __init__(
         self,

@@ -52,6 +52,7 @@ class TiltLimit(Margin):
     frame: str
     angle: float
     axis: Array
+    unit = "rad"
 
     _fixed = dict.fromkeys(("frame", "axis"), "make another TiltLimit")
 

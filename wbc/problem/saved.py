@@ -26,7 +26,7 @@ from wbc.simulation import SimulationResult, Terrain
 from wbc.simulation.terrain import LEVEL
 
 LARGEST = 2_000_000_000  # bytes of all arrays unpacked
-WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
+WORDS = ("phase", "support", "status", "nearest", "clearance_unit", "summary", "joint_names")
 FLAGS = ("active", "relaxed", "flat")  # yes or no
 FORMATS = (FORMAT, PENDULUM_FORMAT)
 

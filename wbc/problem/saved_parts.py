@@ -32,8 +32,8 @@ ROW_SHAPES = {
     "wrenches": (6,),
     "plan_com": (3,), "plan_cop": (3,), "plan_momentum": (3,), "angular_momentum": (3,),
     "time": (), "phase": (), "support": (), "status": (), "slip": (), "turn": (), "margin": (),
-    "balance": (), "clearance": (), "nearest": (), "active": (), "kkt": (), "tick_time": (),
-    "tick_cpu_time": (), "relaxed": (), "tilt": (), "cop_margin": (),
+    "balance": (), "clearance": (), "clearance_unit": (), "nearest": (), "active": (), "kkt": (),
+    "tick_time": (), "tick_cpu_time": (), "relaxed": (), "tilt": (), "cop_margin": (),
 }  # fmt: skip
 ANY_SHAPE = ("errors",)
 # Arrays of every run; others depend on its tasks, contacts and constraints.
@@ -64,6 +64,7 @@ class _Task(_Part):
 
 class _Constraint(_Part):
     least_clearance: Number
+    unit: Text = "m"
     time: Number
     at: Any
 

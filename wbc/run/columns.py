@@ -77,7 +77,8 @@ def _recorded_columns(history: History, rows: Mapping[str, Sequence[str]]) -> It
     if np.isfinite(history.balance).any():
         yield "balance/com_inside_soles [m]", history.balance
     for name, clearance in history.clearance.items():
-        yield f"constraint/{name} [m]", clearance
+        unit = next(filter(None, history.clearance_unit.get(name, ())), "m")
+        yield f"constraint/{name} [{unit}]", clearance
     for label, active in history.active.items():
         yield f"held_back/{label} [1]", active.astype(float)
     yield "tick/time [s]", history.tick_time

@@ -140,7 +140,8 @@ def _worst_clearance(states: Sequence[StateRecord]) -> dict[str, Worst]:
     for tick, state in enumerate(states):
         for name, clearance in state.clearance.items():
             if name not in worst or clearance < worst[name].value:
-                worst[name] = Worst(clearance, state.nearest[name], tick)
+                unit = state.clearance_unit[name]
+                worst[name] = Worst(clearance, state.nearest[name], tick, unit)
     return worst
 
 

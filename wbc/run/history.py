@@ -57,8 +57,9 @@ class History:
         (n,) distance of the CoM's projection inside the support polygon [m], negative outside; NaN
         unless feet and nothing else are in contact.
     clearance:
-        (n,) slack of each margin [m], negative if violated, by constraint; NaN while it is not in
-        use.
+        (n,) slack of each margin, negative if violated, by constraint; NaN while it is not in use.
+    clearance_unit:
+        (n,) its unit, m or rad, by constraint; empty while it is not in use.
     nearest:
         (n,) the row with that slack, such as ``"left_hand vs pelvis"``, by constraint; empty while
         it is not in use.
@@ -92,6 +93,7 @@ class History:
     margin: Array
     balance: Array
     clearance: Mapping[str, Array] = field(default_factory=dict)
+    clearance_unit: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     nearest: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     active: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     points: Mapping[str, Array] = field(default_factory=dict)
@@ -138,6 +140,7 @@ class StateRecord(NamedTuple):
     margin_joint: str
     balance: float  # NaN without feet in contact
     clearance: dict[str, float]
+    clearance_unit: dict[str, str]
     nearest: dict[str, str]  # the row of the clearance
 
 
@@ -245,8 +248,9 @@ class HistoryRecorder:
             margin=margin,
             margin_joint=joint,
             balance=standing.margin(snapshot),
-            clearance={name: value for name, (value, _) in clearance.items()},
-            nearest={name: where for name, (_, where) in clearance.items()},
+            clearance={name: value for name, (value, _, _) in clearance.items()},
+            clearance_unit={name: unit for name, (_, _, unit) in clearance.items()},
+            nearest={name: where for name, (_, where, _) in clearance.items()},
         )
 
     def history(self) -> History:

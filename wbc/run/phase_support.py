@@ -75,15 +75,15 @@ class PhaseSupport:
             return float("nan")
         return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
 
-    def clearance(self, snapshot: Snapshot) -> dict[str, tuple[float, str]]:
-        """Return the slack of each margin [m], negative if violated, and its row, by name."""
-        clearances = dict[str, tuple[float, str]]()
+    def clearance(self, snapshot: Snapshot) -> dict[str, tuple[float, str, str]]:
+        """Return the slack of each margin, negative if violated, its row and unit, by name."""
+        clearances = dict[str, tuple[float, str, str]]()
         for margin in self.margins:
             distances = margin.distances(snapshot)
             if distances.clearance.size:
                 k = int(distances.clearance.argmin())
                 value = float(distances.clearance[k]) + SKIN
-                clearances[margin.name] = value, margin.labels(distances)[k]
+                clearances[margin.name] = value, margin.labels(distances)[k], margin.unit
         return clearances
 
 

@@ -70,6 +70,7 @@ class Worst:
     value: float
     where: str
     tick: int
+    unit: str = "m"
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Result:
         Smallest distance of the CoM's projection inside the support polygon [m], negative outside,
         and its phase; None if the robot never stood on feet alone.
     clearance:
-        Smallest slack of each margin [m], negative if violated, and its row, by the name of the
+        Smallest slack of each margin, negative if violated, its row and unit, by the name of the
         constraint.
     yielding:
         Names of the soft constraints.
@@ -255,6 +256,7 @@ class Result:
             "constraints": {
                 name: {
                     "least_clearance": worst.value,
+                    "unit": worst.unit,
                     "at": worst.where,
                     "tick": worst.tick,
                     "time": worst.tick * self.dt,

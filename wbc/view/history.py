@@ -70,7 +70,8 @@ class DrawableRun:
     phases: Sequence[PhaseSpan]
     balance: Array | None  # (n,) margin [m], NaN where there is none
     supports: Sequence[str] | None
-    clearance: Mapping[str, Array]  # (n,) [m]
+    clearance: Mapping[str, Array]  # (n,) [m], or in the unit that is told
+    clearance_unit: Mapping[str, str]
     active: Mapping[str, NDArray[np.bool_]]  # (n,)
     points: Mapping[str, Array]  # (n, 3) [m]
     targets: Mapping[str, Array]
@@ -156,6 +157,10 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
         balance,
         supports,
         _rows(history, "clearance", (count,)),
+        {
+            name: _unit(told)
+            for name, told in (getattr(history, "clearance_unit", None) or {}).items()
+        },
         {name: on.astype(bool) for name, on in _rows(history, "active", (count,)).items()},
         places["points"],
         places["targets"],
@@ -168,6 +173,11 @@ def _rows(history: HistoryLike, name: str, shape: tuple[int, ...]) -> dict[str, 
     """Return arrays by name, NaN where there is nothing; none if the history has none."""
     given: Mapping[str, Any] = getattr(history, name, None) or {}
     return {key: rows_of(f"{name} of {key!r}", values, shape) for key, values in given.items()}
+
+
+def _unit(told: ArrayLike) -> str:
+    """Return what a unit's entries say, empty while a constraint is not in use."""
+    return next((str(unit) for unit in np.ravel(told) if unit), "m")
 
 
 def _phases(history: HistoryLike, time: Array) -> list[PhaseSpan]:

@@ -57,7 +57,7 @@ def write_mcap(
     """Write a run, one message per topic and tick, and return its path; whole or not at all.
 
     Topics: ``/tf``; ``/joints/position`` and ``/joints/velocity`` [rad, m; per s]; ``/com`` [m];
-    ``/errors/TASK``, in the task's own unit; ``/clearance``, what is left of each margin [m]. Of a
+    ``/errors/TASK``, in the task's own unit; ``/clearance``, what is left of each margin. Of a
     simulation also ``/joints/torque`` [N m, N], ``/forces/FRAME`` at the frame's origin in world
     axes [N, N m], and ``/cop`` [m]. What is not finite is null. The problem's text is attached, the
     summary is metadata.

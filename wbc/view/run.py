@@ -99,7 +99,7 @@ def run_figure(
 def explanation_plots(run: DrawableRun) -> Iterator[Callable[[Axes], None]]:
     """Yield functions that plot clearances and what held the robot back."""
     if run.clearance:
-        yield lambda axes: plot_clearance(axes, run.time, run.clearance)
+        yield lambda axes: plot_clearance(axes, run.time, run.clearance, run.clearance_unit)
     if run.active:
         yield lambda axes: plot_held_back(axes, run.time, run.active)
 
@@ -112,12 +112,16 @@ BAR_WIDTH = 0.62  # of a bar, part of a row
 LABEL_LENGTH = 34  # characters of a row's label
 
 
-def plot_clearance(axes: Axes, time: Array, clearance: Mapping[str, Array]) -> None:
-    """Draw the clearance of each constraint; below zero it is violated."""
+def plot_clearance(
+    axes: Axes, time: Array, clearance: Mapping[str, Array], units: Mapping[str, str]
+) -> None:
+    """Draw the clearance of each constraint; below zero it is violated. Angles say their unit."""
     style.plain(axes, "Clearance of the constraints", "time [s]", "distance [mm]")
     looks = cycle(style.SERIES)
     series = [
         Series(name, colour, "-", 1e3 * left)
+        if (unit := units.get(name, "m")) == "m"
+        else Series(f"{name} [{unit}]", colour, "-", left)
         for (name, left), colour in zip(clearance.items(), looks, strict=False)
     ]
     axes.set_yscale("symlog", linthresh=LINEAR)

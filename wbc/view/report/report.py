@@ -185,7 +185,7 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[str]:
     ]  # fmt: skip
     yield _table("Tasks at the end", ("task", "error", "unit", "tolerance"), tasks)
     constraints = [
-        (name, _number(one["least_clearance"], 1e3), one["at"], _number(one["time"]))
+        (name, _clearance(one), one["at"], _number(one["time"]))
         for name, one in items("constraints")
     ]
     yield _table("Constraints", ("constraint", "least left [mm]", "at", "time [s]"), constraints)
@@ -232,6 +232,12 @@ def _table(title: str, heads: Sequence[str], rows: Iterable[Iterable[object]]) -
         f"<section><h2>{html.escape(title)}</h2><table><thead><tr>{head}</tr></thead><tbody>"
         f"{''.join(body)}</tbody></table></section>"
     )
+
+
+def _clearance(one: Mapping[str, Any]) -> str:
+    unit = one.get("unit", "m")  # older results do not say it
+    left = one["least_clearance"]
+    return _number(left, 1e3) if unit == "m" or left is None else f"{_number(left)} {unit}"
 
 
 def _number(value: Any, factor: float = 1.0) -> str:
