@@ -141,7 +141,7 @@ def _time_label(history: PendulumHistory, k: int, side: Array) -> str:
     feet = history.foot @ side
     if np.nanmax(feet, initial=-np.inf) - np.nanmin(feet, initial=np.inf) < STATIONARY:
         return text
-    where = "in the air" if np.isnan(feet[k]) else f"at {feet[k]:.2f} m"
+    where = "in the air" if np.isnan(feet[k]) else f"at {round(float(feet[k]), 2) + 0.0:.2f} m"  # no -0.00
     return f"{text}\n{where}"
 
 
