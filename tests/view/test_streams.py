@@ -133,6 +133,17 @@ def test_rerun_to_which_nobody_listens_is_refused_before_the_run(problem) -> Non
             stream_of(problem.parts.robot, f"rerun:rerun+http://127.0.0.1:{port}/proxy")
 
 
+def test_a_rerun_viewer_is_named_by_its_host_and_port(problem) -> None:
+    pytest.importorskip("rerun")
+    with closing(socket.create_server(("127.0.0.1", 0))) as viewer:
+        port = viewer.getsockname()[1]
+        stream = stream_of(problem.parts.robot, f"rerun:127.0.0.1:{port}")
+        assert stream.where == f"Rerun: 127.0.0.1:{port}"
+    stream._is_gone = True  # nothing is to be sent
+    with pytest.raises(WbcError):
+        stream.close()
+
+
 def test_a_rerun_viewer_that_is_closed_meanwhile_is_told_at_the_end(problem, monkeypatch) -> None:
     pytest.importorskip("rerun")
     monkeypatch.setattr("wbc.view.streams.LOOK_TIME", 0.0)

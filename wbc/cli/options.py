@@ -82,7 +82,7 @@ Watched = Annotated[
 Streamed = Annotated[
     str | None,
     typer.Option(
-        "--stream", help="Send ticks live: foxglove[:PORT], or rerun[:ADDRESS or FILE.rrd]."
+        "--stream", help="Send ticks live: foxglove[:PORT], or rerun[:HOST:PORT or FILE.rrd]."
     ),
 ]
 SaveTick = Annotated[

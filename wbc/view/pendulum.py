@@ -141,7 +141,8 @@ def _time_label(history: PendulumHistory, k: int, side: Array) -> str:
     feet = history.foot @ side
     if np.nanmax(feet, initial=-np.inf) - np.nanmin(feet, initial=np.inf) < STATIONARY:
         return text
-    where = "in the air" if np.isnan(feet[k]) else f"at {round(float(feet[k]), 2) + 0.0:.2f} m"  # no -0.00
+    place = round(float(feet[k]), 2) + 0.0  # never -0.00
+    where = "in the air" if np.isnan(place) else f"at {place:.2f} m"
     return f"{text}\n{where}"
 
 

@@ -107,7 +107,8 @@ class RerunStream:
     Parameters
     ----------
     to:
-        The address of a viewer (``rerun`` starts one that listens), or a file ``*.rrd``.
+        A viewer (``rerun`` starts one that listens), as ``HOST``, ``HOST:PORT`` or an address such
+        as ``rerun+http://HOST:9876/proxy``; or a file ``*.rrd``.
 
     Raises
     ------
@@ -129,17 +130,17 @@ class RerunStream:
             if to.endswith(".rrd"):
                 self._out.save(to)
             else:
-                self._out.connect_grpc(to)
-                parts = urlsplit(to)
+                short = to if ":" in to else f"{to}:{RERUN_PORT}"
+                address = to if "://" in to else f"rerun+http://{short}/proxy"
+                parts = urlsplit(address)
                 self._address = parts.hostname or "", parts.port or RERUN_PORT
+                self._refuse_silence(to)  # Rerun would wait 11 s, and write of it
+                self._out.connect_grpc(address)
         except (RuntimeError, ValueError) as error:  # of rerun: no such folder, no address
-            raise InvalidInputError(f"stream 'rerun:{to}': {error}") from error
-        if not self._is_heard():
-            self._out.disconnect()
             raise InvalidInputError(
-                f"stream 'rerun:{to}': nobody listens there; start a viewer first, by the command"
-                " rerun, or write a file: --stream rerun:run.rrd"
-            )
+                f"stream 'rerun:{to}': {error}; name a viewer, as in rerun:HOST:{RERUN_PORT}, or a"
+                " file that can be written, as in rerun:run.rrd"
+            ) from error
         self._out.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         shapes = RobotMeshes(robot).in_joint_frames
         self._joints = sorted({joint for joint, _ in shapes})
@@ -196,6 +197,13 @@ class RerunStream:
         finally:
             self._out.disconnect()
 
+    def _refuse_silence(self, to: str) -> None:
+        if not self._is_heard():
+            raise InvalidInputError(
+                f"stream 'rerun:{to}': nobody listens there; start a viewer first, by the command"
+                " rerun, or write a file: --stream rerun:run.rrd"
+            )
+
     def _is_heard(self) -> bool:
         """Return whether a viewer listens, or a file is written."""
         if self._address is None:
@@ -208,7 +216,7 @@ class RerunStream:
 
 
 def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:
-    """Return the stream that is asked for: ``foxglove[:PORT]``, or ``rerun[:ADDRESS or FILE.rrd]``.
+    """Return the stream that is asked for: ``foxglove[:PORT]``, or ``rerun[:HOST:PORT or FILE.rrd]``.
 
     Raises
     ------
