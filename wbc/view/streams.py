@@ -216,7 +216,7 @@ class RerunStream:
 
 
 def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:
-    """Return the stream that is asked for: ``foxglove[:PORT]``, or ``rerun[:HOST:PORT or FILE.rrd]``.
+    """Return the stream asked for: ``foxglove[:PORT]``, or ``rerun[:HOST:PORT or FILE.rrd]``.
 
     Raises
     ------
