@@ -41,6 +41,21 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
     assert titles == ["a)  0.00 s", "b)  1.00 s", "c)  1.99 s"]
 
 
+def test_rounding_of_a_robot_that_stands_still_does_not_fill_the_axes(still: RmpSeries) -> None:
+    figure = analysis_figure(still, title="Standing", snapshots=1)
+    figure.canvas.draw()
+    named = plots(figure)
+    for title, least in (
+        ("Ground, along x of the world", 2.0),  # mm
+        ("Ground, along y of the world", 2.0),
+        ("Leg from CoP to CoM", 0.2),  # deg
+        ("Rotation", 0.02),  # rad/s
+    ):
+        low, high = named[title].get_ylim()
+        assert high - low == pytest.approx(least)
+        assert named[title].yaxis.get_offset_text().get_text() == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("snapshots", [6, 10])
 def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:

@@ -19,6 +19,8 @@ MM, DEGREES = 1e3, 180.0 / np.pi
 WIDTH = 1.3  # points, of a curve
 FLIGHT = "#EEF0F3"
 SHADE = 0.22  # of a band
+# Axes are as long at least: rounding would fill those of a robot that stands still.
+LEAST_MM, LEAST_DEGREES, LEAST_RATE = 2.0, 0.2, 0.02  # rate: rad/s
 XYZ = (style.BLUE, style.VERMILION, style.GREEN)
 
 Plot = Callable[[Axes, RmpSeries, Sequence[int]], None]
@@ -35,6 +37,7 @@ def plot_ground(axes: Axes, series: RmpSeries, frames: Sequence[int], k: int) ->
         if name != "cmp":  # as wide as that of the CoP, which it would hide
             band(axes, series, name, MM, colour, k)
         curve(axes, series, MM * getattr(series, name)[:, k], label, colour)
+    least_span(axes, LEAST_MM)
     legend(axes)
 
 
@@ -91,6 +94,8 @@ def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     other = style.right_axis(axes, "length [mm]", style.GREY)
     length = MM * series.leg_length
     other.plot(series.time, length, "--", color=style.GREY, linewidth=WIDTH, label="length")
+    least_span(axes, LEAST_DEGREES)
+    least_span(other, LEAST_MM)
     legend(axes, other)
 
 
@@ -103,6 +108,7 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, linestyle="--", label="axes")
+    least_span(axes, LEAST_RATE)
     legend(axes)
 
 
@@ -174,6 +180,14 @@ def band(
         series.time, middle - half, middle + half, color=colour, alpha=SHADE, linewidth=0.0
     )
     return np.asarray(np.nan_to_num(half))
+
+
+def least_span(axes: Axes, span: float) -> None:
+    """Let the vertical axis of what is drawn be as long at least."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
 def legend(axes: Axes, other: Axes | None = None) -> None:
