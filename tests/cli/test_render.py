@@ -9,6 +9,7 @@ from typer.testing import Result
 
 from tests.command import wbc_command
 from tests.texts import STAND
+from tests.urdf import arm_of_one_joint, limit
 from wbc.problem import load_problem
 from wbc.view.film import Film
 from wbc.view.options import View
@@ -57,6 +58,24 @@ def test_of_a_result_and_of_a_problem(file: Path, films: list[dict[str, Any]]) -
     assert first["title"] == "wave: completed"
     assert (first["speed"], first["fps"], first["size"]) == (0.5, 10, (200, 300))
     assert first["view"] == View.of("left")
+
+
+def test_shapes_that_are_left_out_are_told(tmp_path: Path, films: list[dict[str, Any]]) -> None:
+    gone = "<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"
+    (tmp_path / "arm.urdf").write_text(
+        arm_of_one_joint(limit()).replace("</link>", gone + "</link>")
+    )
+    path = tmp_path / "arm.yaml"
+    path.write_text(
+        "robot: {model: arm.urdf, base: fixed}\n"
+        "tasks: {posture: {type: posture, target: {j: 0.1}}}\nstop: {duration: 0.05, speed: null}\n"
+    )
+    load_problem(path).run().save(tmp_path / "r.npz")
+    for source in (path, tmp_path / "r.npz"):
+        told = wbc_command("render", source, "-o", tmp_path / "f.gif")
+        assert "2 visual meshes not found and left out: gone.stl" in told.stderr
+        assert not wbc_command("render", source, "-q", "-o", tmp_path / "f.gif").stderr
+    assert len(films) == 4
 
 
 def test_a_film_ended_by_sigterm_leaves_nothing_behind(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import complain
+from wbc.cli.errors import complain, print_notes
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, name_of
 
 if TYPE_CHECKING:
@@ -178,11 +178,16 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
     if path.suffix.lower() == ".npz":
         if robot is None and is_log(path):
             return HardwareLog.load(path).as_run()
-        return load_result(path, None if robot is None else Robot.load(robot))
+        saved = load_result(path, None if robot is None else Robot.load(robot))
+        if isinstance(saved, SavedRun) and not quiet:
+            print_notes(saved.robot)  # such as shapes that are left out of what is drawn
+        return saved
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")
     with starting(f"loading {path}", quiet):
         problem, name = load_problem(path), name_of(path)
+    if isinstance(problem, Problem) and not quiet:
+        print_notes(problem.parts.robot)
     with shown_progress(quiet) as progress:
         if not isinstance(problem, Problem):
             moved = problem.run(progress)
