@@ -151,6 +151,21 @@ def test_a_cost_without_end_has_failed_and_is_no_conflict() -> None:
     assert found.status is Status.FAILED and found.conflict is None and found.message
 
 
+def test_a_cost_of_nothing_is_answered_by_the_rows_alone_and_not_by_what_memory_held() -> None:
+    """Leftovers that happened to keep all rows were the answer, after -100 iterations."""
+    n = 5
+    qp = QP.build(np.zeros((n, n)), np.zeros(n), C=np.eye(n), l=np.full(n, -9.0), u=np.full(n, 9.0))
+    for _ in range(20):
+        left = [np.zeros(3 * n + 4) for _ in range(20)]  # as large as the memory of an answer
+        for one in left:
+            one[:n] = 1.0
+        del left, one
+        found = ActiveSet().solve(qp)
+        assert found.solved
+        assert found.iterations >= 0
+        assert not found.x.any()
+
+
 def test_a_backend_can_be_copied_once_it_has_solved() -> None:
     qp, backend = random_qp(np.random.default_rng(6)), ActiveSet()
     solution = backend.solve(qp)

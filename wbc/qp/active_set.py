@@ -123,9 +123,11 @@ class ActiveSet:
                 return _solution(nowhere, Status.INFEASIBLE, start, conflict)
         conflict = None
         if give is None:
-            raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
             check = SolveCheck(NAME, eps, start, explain=False)
-            solution = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
+            raw, solution = None, None
+            if found.iterations >= 0:  # else nothing was written: what the memory held
+                raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
+                solution = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
             if solution is not None:
                 return solution
             conflict = None if quick else find_conflict(qp)
@@ -141,13 +143,13 @@ class ActiveSet:
             *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
         )
 
-    def _less_accurate(self, qp: QP, check: SolveCheck, raw: RawSolution) -> Solution | None:
+    def _less_accurate(self, qp: QP, check: SolveCheck, raw: RawSolution | None) -> Solution | None:
         """Return a last resort: the proximal-point solution, or one with residuals above eps."""
         near = proximal(qp, self.eps, self.max_iterations)
         solution = None if near is None else check.accept(qp, near)
         nearly = check._replace(eps=LAST_RESORT * check.eps)
         for last in (raw, near):
-            if solution is None and last is not None and last.iterations >= 0:
+            if solution is None and last is not None:
                 solution = nearly.accept(qp, last)
         return solution
 
