@@ -107,6 +107,15 @@ def test_build_fills_in_what_is_left_out():
     assert qp.labels.variables == ("x0", "x1")
 
 
+def test_build_refuses_a_cost_that_is_not_convex():
+    """A saddle point was ``solved``; OSQP ended in an exception of its own."""
+    box = {"lower": [-1.0, -1.0], "upper": [1.0, 1.0]}
+    with pytest.raises(InvalidInputError, match=r"QP.P: .*positive semidefinite"):
+        QP.build([[1.0, 0.0], [0.0, -1.0]], [0.0, 0.0], **box)
+    rows = np.random.default_rng(0).standard_normal((3, 8)) * [[1e4], [1.0], [1e-4]]
+    QP.build(rows.T @ rows, np.zeros(8))  # what rounding leaves below zero is none
+
+
 def test_build_refuses_an_asymmetric_cost():
     with pytest.raises(InvalidInputError, match="symmetric"):
         QP.build([[2.0, 1.0], [0.0, 2.0]], [1.0, 1.0])

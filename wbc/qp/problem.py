@@ -16,6 +16,7 @@ from wbc.validate import Array, real_array
 
 # Larger entries are refused: their squares overflow.
 LARGEST: float = lib.wbc_largest_qp
+ROUNDING = 1e-9  # of P's largest eigenvalue: the most that a sum of squares has below zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ class QP(NamedTuple):
         Raises
         ------
         InvalidInputError
-            See :func:`check_qp`; or P is not symmetric.
+            See :func:`check_qp`; or P is not symmetric, or not positive semidefinite.
         """
         g = real_array("QP.g", g)
         n = g.size
@@ -109,6 +110,12 @@ class QP(NamedTuple):
         check_qp(qp)
         if not np.allclose(qp.P, qp.P.T, rtol=1e-9, atol=0.0):
             raise InvalidInputError("QP.P: must be symmetric; use 1/2 (P + P')")
+        curvatures = np.linalg.eigvalsh(qp.P)
+        if curvatures[0] < -ROUNDING * abs(curvatures).max():
+            raise InvalidInputError(
+                f"QP.P: the cost falls without bound along some direction (eigenvalue"
+                f" {curvatures[0]:.3g}); it must be positive semidefinite, check signs of weights"
+            )
         return qp
 
 
