@@ -139,6 +139,12 @@ def test_a_search_has_a_seed_and_leaves_the_processors_to_the_campaign(tmp_path:
         ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0, x]}", "limits.margin"),
         ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0]}", "draw"),
         ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0.1, 0]}", "lower number first"),
+        # Both ends are whole, and every run was an error.
+        ("problems: [stand.yaml]\nseeds: 2\ndraw: {tasks.posture.priority: [0, 1]}",
+         "campaign.yaml:3: draw: --set tasks.posture.priority: expected a whole number"),
+        # The same runs twice: the values of the grid counted nowhere.
+        ("problems: [stand.yaml]\nseeds: 2\ngrid:\n  limits.margin: [0, 0.1]\n"
+         "draw: {limits.margin: [0, 0.1]}", "campaign.yaml:4: grid.\"limits.margin\": is drawn"),
         ("problems: [push.yaml]\nseeds: 999999999999", "at most 1,000,000"),
         ("problems: [push.yaml]\nseeds: -1", ": seeds: must be at least 1"),
         ("problems: [push.yaml]\nseeds: []", ": seeds: empty"),

@@ -118,6 +118,8 @@ def load_campaign(path: str | Path) -> Campaign:
     mistakes = Mistakes(source)
     if spec.draw and spec.seeds is None:
         mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
+    for key in spec.grid.keys() & spec.draw.keys():
+        mistakes.note(("grid", key), "is drawn as well, in place of these values; leave one out")
     if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
     places = [str((path.parent / file).resolve()) for file in spec.problems]
@@ -162,7 +164,10 @@ def _names(problems: tuple[str, ...]) -> dict[str, str]:
 
 
 def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
-    """Build a problem with each value once, and the first of all others."""
+    """Build a problem with each value once, and the first of all others; of draws also a middle.
+
+    Where a whole number is wanted the ends may be some, and no draw is.
+    """
     cases = spec.cases or {}
     first_of_grid = {key: values[0] for key, values in spec.grid.items()}
     first = {**spec.set, **next(iter(cases.values()), {}), **first_of_grid}
@@ -183,6 +188,10 @@ def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
     for key, (low, high) in spec.draw.items():
         with mistakes.at("draw", key):
             _uniform(np.random.default_rng(0), low, high)
+    if spec.draw:
+        mistakes.raise_any()
+        with mistakes.at("draw"):
+            load_problem(file, {**first, **_draws(spec, 0)})
 
 
 def _runs(
