@@ -1,6 +1,7 @@
 """Turns without momentum: the connection against Pinocchio, plans, and the shipped turns."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -147,6 +148,35 @@ def test_mimic_joints_go_with_their_drivers(geared: wbc.Robot, elbow: str) -> No
         Rounds.of(geared, q, {"right_elbow_pitch": [0.1, 0.0]}, 1, 3.0)
 
 
+def test_the_limbs_of_any_robot_move_by_default(hoap2: wbc.Robot, tmp_path: Path) -> None:
+    """A robot without a joint called after its waist was told of an unknown joint '*waist*'."""
+    text = Path(str(hoap2.path)).read_text()
+    file = tmp_path / "other.urdf"
+    for old, new in (("waist", "spine"), ("knee", "Knee"), ("hip", "j"), ("_shoulder", "_s")):
+        text = text.replace(old, new)
+    file.write_text(text)
+    robot = wbc.Robot.load(file)
+    rounds = plan_turn(robot, [0.0, 0.02, 0.0], cycles=1)
+    moved = {robot.joint_names[k] for k in np.flatnonzero(rounds.coefficients.any(axis=0))}
+    assert {"left_Knee_pitch", "right_elbow_pitch"} <= moved
+    assert all("Knee" in name or "elbow" in name for name in moved)
+
+
+def test_a_turn_from_the_end_of_a_range_stays_in_it(hoap2: wbc.Robot) -> None:
+    """Each path went beyond it between two of the phases at which ranges are kept."""
+    limits, name = hoap2.limits, "left_knee_pitch"
+    k = hoap2.joint_names.index(name)
+    turn: dict[str, Any] = {"cycles": 1, "joints": ("*knee*", "*hip_pitch"), "starts": 1}
+    q = hoap2.posture("standing", {name: limits.lower[k]})
+    rounds = plan_turn(hoap2, [0.0, 0.1, 0.0], q=q, **turn)
+    knee = rounds.loop.at(np.linspace(0.0, 2.0 * np.pi, 2000))[:, k]
+    assert knee.min() >= limits.lower[k] - 1e-9
+    assert np.ptp(knee) > 0.05
+    q[7 + k] -= 0.01
+    with pytest.raises(NoTurnError, match=f"out of range: {name}"):
+        plan_turn(hoap2, [0.0, 0.1, 0.0], q=q, **turn)
+
+
 def test_unusable_numbers_of_a_turn_are_refused(hoap2: wbc.Robot) -> None:
     """IndexError, ValueError, and 2.7 cycles were 2."""
     for wrong, words in (
@@ -155,7 +185,7 @@ def test_unusable_numbers_of_a_turn_are_refused(hoap2: wbc.Robot) -> None:
         ({"seed": -1}, "turn, seed: must be at least 0"),
     ):
         with pytest.raises(wbc.WbcError, match=words):
-            plan_turn(hoap2, [0.0, 0.3, 0.0], **wrong)  # type: ignore[arg-type]
+            plan_turn(hoap2, [0.0, 0.3, 0.0], **wrong)
 
 
 def test_margins_that_leave_no_range_are_no_turn(hoap2: wbc.Robot) -> None:

@@ -28,7 +28,8 @@ from wbc.robot.tree import refuse_loops
 from wbc.rotations import log_rotation
 from wbc.validate import Array, finite_array, finite_number, names_of, read_only
 
-JOINTS = ("*hip*", "*knee*", "*shoulder*", "*elbow*", "*waist*")
+# Parts of joints' names that move by default: all but head, hands and ankles, if so called.
+LIMBS = ("hip", "knee", "shoulder", "elbow", "waist", "torso", "arm", "leg")
 HARMONICS = 2
 # Numbers of phases: of rotation and ranges in the NLP, of distances, and of the final check.
 SOLVER_PHASES, DISTANCE_PHASES, CHECK_PHASES = 24, 72, 400
@@ -63,7 +64,7 @@ def plan_turn(
     q: ArrayLike | None = None,
     cycles: int = 4,
     period: float = 3.0,
-    joints: Sequence[str] = JOINTS,
+    joints: Sequence[str] | None = None,
     margin: float = 0.02,
     collision: SelfCollision | None = None,
     starts: int = 6,
@@ -82,7 +83,8 @@ def plan_turn(
     period:
         Mean duration of a round [s].
     joints:
-        Names or patterns of the joints that move; mimic joints and their drivers go together.
+        Names or patterns of the joints that move; mimic joints and their drivers go together. None:
+        those called after hips, knees, shoulders, elbows, waist, torso, arms or legs, else all.
     margin:
         Distance from joint limits [rad or m].
     collision:
@@ -109,7 +111,7 @@ def plan_turn(
     count = whole_number("turn, cycles", cycles, least=1)
     finite_number("turn, period", period, above=0.0)
     posture = robot.posture("standing") if q is None else robot.check_configuration(q)
-    patterns = names_of("turn, joints", joints)
+    patterns = _limbs(robot) if joints is None else names_of("turn, joints", joints)
     if not patterns:
         raise InvalidInputError("turn, joints: name at least one that moves")
     problem = _Problem.of(robot, posture, patterns, margin, collision)
@@ -126,6 +128,13 @@ def plan_turn(
     )
 
 
+def _limbs(robot: Robot) -> tuple[str, ...]:
+    """Return the names of the joints that move by default."""
+    names = robot.joint_names
+    found = tuple(name for name in names if any(limb in name.lower() for limb in LIMBS))
+    return found or tuple(names)
+
+
 @dataclass(frozen=True, eq=False)
 class _Problem:
     """The optimisation problem of a path."""
@@ -134,7 +143,8 @@ class _Problem:
     posture: Array
     moving: NDArray[np.int64]  # indices of the joints that move by themselves, among all (nv-6)
     ratios: Array  # (k, nv-6): how all joints go with these, followers by their gears' ratios
-    # Bounds of these, relative to the start, which leave their followers in range.
+    # Bounds of these, relative to the start, which leave their followers in range. The start may be
+    # nearer to a limit than the margin: the path then leaves it without speed, see _solve_nlp.
     lower: Array
     upper: Array
     collision: SelfCollision | None
@@ -162,14 +172,15 @@ class _Problem:
             ratios[moving == driver, follower] = gear.ratio
         start = robot.limits.joint_positions(posture)
         margin = finite_number("turn, margin", margin, least=0.0)
-        lower, upper = robot.limits.lower + margin - start, robot.limits.upper - margin - start
-        # The start may be nearer to a limit than the margin.
-        lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+        limits = robot.limits
+        lower, upper = _closed(limits.lower + margin - start, limits.upper - margin - start)
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.sort((lower / ratios, upper / ratios), axis=0)
         goes = ratios != 0.0
-        lower = np.where(goes, ends[0], -np.inf).max(axis=1)
-        upper = np.where(goes, ends[1], np.inf).min(axis=1)
+        lower, upper = _closed(
+            np.where(goes, ends[0], -np.inf).max(axis=1),
+            np.where(goes, ends[1], np.inf).min(axis=1),
+        )
         rate = turning_rate(robot)
         end, jacobian = _end_rotation(rate, start, ratios)
         return cls(robot, posture, moving, ratios, lower, upper, collision, rate, end, jacobian)
@@ -190,10 +201,10 @@ class _Problem:
             error = part * rotation - log_rotation(rotation_of(self.rate, loop, CHECK_PHASES))
             norm = float(np.linalg.norm(error))
             rows, gap, pair = self._distance_rows(loop)
-            in_range = self._in_range(loop)
+            outside = self._out_of_range(loop)
             reason = f"{norm:.2g} rad off, {pair} too near by {1e3 * max(0.0, -gap):.2g} mm"
-            reason += "" if in_range else ", joints out of range"
-            if part == 1.0 and norm < TOLERANCE and gap >= 0.0 and in_range:
+            reason += f", out of range: {', '.join(outside)}" if outside else ""
+            if part == 1.0 and norm < TOLERANCE and gap >= 0.0 and not outside:
                 return loop
             if number > ITERATIONS // 2 and (gap < -HOPELESS or norm > COARSE):
                 return reason
@@ -206,10 +217,11 @@ class _Problem:
         start = self.robot.limits.joint_positions(self.posture)
         return JointLoop(start, coefficients @ self.ratios)
 
-    def _in_range(self, loop: JointLoop) -> bool:
-        """Return whether all joints are within their limits, margins aside, at all phases."""
+    def _out_of_range(self, loop: JointLoop) -> list[str]:
+        """Return the joints that leave their limits, margins aside, at some phase."""
         limits, joints = self.robot.limits, loop.at(even_phases(CHECK_PHASES))
-        return bool((joints >= limits.lower).all() and (joints <= limits.upper).all())
+        beyond = ((joints < limits.lower) | (joints > limits.upper)).any(axis=0)
+        return [self.robot.joint_names[k] for k in np.flatnonzero(beyond)]
 
     def _snapshots(self, loop: JointLoop) -> list[Snapshot]:
         steps = np.zeros((DISTANCE_PHASES, self.robot.nv))
@@ -238,20 +250,32 @@ class _Problem:
         return rows, smallest, pair
 
     def _solve_nlp(self, rotation: Array, last: Array, rows: Rows, radius: float) -> Array:
-        """Return the optimal coefficients, with joints within ``radius`` of the last path."""
+        """Return the optimal coefficients, with joints within ``radius`` of the last path.
+
+        Joints that start nearer to a limit than the margin begin and end without speed, or they
+        would pass it between two phases, and have the whole margin after half a round.
+        """
         count, phases = len(self.moving), even_phases(SOLVER_PHASES)
         # Unknown: the coefficients joint by joint, x = C.T.ravel().
         path = np.kron(np.eye(count), harmonics(phases, HARMONICS))
         rates = harmonics(phases, HARMONICS, 1)
         hessian = ca.DM(np.kron(np.eye(count), rates.T @ rates / SOLVER_PHASES))
-        lowest, highest = (np.repeat(each, SOLVER_PHASES) for each in (self.lower, self.upper))
+        part = 0.5 * (1.0 - np.cos(phases))
+        lowest, highest = (
+            np.where((sign * each >= 0.0)[:, None], np.outer(each, part), each[:, None]).ravel()
+            for sign, each in ((1.0, self.lower), (-1.0, self.upper))
+        )
+        tight = np.eye(count)[(self.lower >= 0.0) | (self.upper <= 0.0)]
+        slopes = np.kron(tight, harmonics(np.zeros(1), HARMONICS, 1))
         current = path @ last.T.ravel()
         # The last path may be out of range by more than the trust region.
         least = np.minimum(np.maximum(lowest, current - radius), highest)
         most = np.maximum(np.minimum(highest, current + radius), lowest)
-        linear = np.vstack([path, *(matrix for matrix, _ in rows)])
-        lower = np.concatenate([least, *(bound for _, bound in rows)])
-        upper = np.concatenate((most, np.full(len(linear) - len(most), np.inf)))
+        linear = np.vstack([path, slopes, *(matrix for matrix, _ in rows)])
+        still = np.zeros(len(slopes))
+        lower = np.concatenate([least, still, *(bound for _, bound in rows)])
+        upper = np.concatenate((most, still))
+        upper = np.concatenate((upper, np.full(len(linear) - len(upper), np.inf)))
         x, p = ca.MX.sym("x", last.size), ca.MX.sym("p", 0)
         A, gradient = ca.DM(linear), ca.mtimes(hessian, x)
         g, f = ca.vertcat(self.end(x), ca.mtimes(A, x)), 0.5 * ca.dot(x, gradient)
@@ -270,6 +294,12 @@ class _Problem:
             ubg=np.concatenate((target, upper)),
         )
         return np.array(solution["x"]).reshape(count, -1).T
+
+
+def _closed(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return bounds, both zero where they leave nothing between them."""
+    open_ = lower <= upper
+    return np.where(open_, lower, 0.0), np.where(open_, upper, 0.0)
 
 
 def _end_rotation(
