@@ -118,8 +118,8 @@ def load_campaign(path: str | Path) -> Campaign:
     mistakes = Mistakes(source)
     if spec.draw and spec.seeds is None:
         mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
-    for key in spec.grid.keys() & spec.draw.keys():
-        mistakes.note(("grid", key), "is drawn as well, in place of these values; leave one out")
+    for drawn in spec.grid.keys() & spec.draw.keys():
+        mistakes.note(("grid", drawn), "is drawn as well, in place of these values; leave one out")
     if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
     places = [str((path.parent / file).resolve()) for file in spec.problems]
