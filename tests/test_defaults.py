@@ -94,9 +94,9 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     "ProxQP": {"eps": 1e-08, "max_iterations": 20, "warm": True, "always": False},
     "ProxQP.solve": {"workspace": "default", "quick": False},
     "find_conflict": {"tolerance": 1e-07},
-    "GlobalShaping": {"contacts": (), "constraints": ()},
+    "GlobalShaping": {"contacts": (), "constraints": (), "dt": 0.005},
     "GlobalShaping.solve": {"starts": 64, "workers": 2, "seed": 0},
-    "GlobalShaping.reach": {"tolerance": 0.01, "attempts": 5, "dt": 0.005, "rest_speed": 1e-05},
+    "GlobalShaping.reach": {"tolerance": 0.01, "attempts": 5, "dt": None, "rest_speed": 1e-05},
 }
 
 

@@ -7,6 +7,7 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 
 from wbc.constraints import ComSupport, Limits, PointContact, support
+from wbc.controllers import KinematicController
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, NoPostureError
 from wbc.shaping.problem import posture_cost
@@ -168,3 +169,26 @@ def test_a_start_outside_its_limits_and_continuous_joints(robot_named, rng, rand
     best = GlobalShaping(robot, [task]).solve(start, starts=8, workers=1).best
     assert best.cost < 1e-10  # the inertia of a posture within the limits can be had
     assert_within_limits(robot, best.q)
+
+
+@pytest.mark.parametrize("law", [{"gain": 0.2}, {"gain": 0.2, "weighs_error": True},
+                                 {"gain_per_second": 10.0}])  # fmt: skip
+def test_the_best_posture_is_where_the_controller_rests(hoap2: Robot, law) -> None:
+    """Two tasks that exclude each other, whatever makes the one's weight: they counted by gain."""
+    q, dt = hoap2.posture(), 0.01
+    contacts = support(hoap2.snapshot(q), "double")
+    height = hoap2.snapshot(q).com[2] - 0.02
+    tasks = [
+        ComTask(hoap2, [0.0, 0.0, height], axes=("z",), weight=30.0, **law),
+        PostureTask(hoap2, q, gain=0.9),
+    ]
+    limits = Limits(hoap2)
+    controller = KinematicController(hoap2, tasks, contacts=contacts, limits=limits, dt=dt)
+    at, v = q, None
+    for _ in range(400):
+        v = controller.step(hoap2.snapshot(at, v)).velocity
+        at = hoap2.integrate(at, v, dt)
+    best = GlobalShaping(hoap2, tasks, contacts, limits, dt=dt).solve(at, 1, workers=1).best
+    np.testing.assert_allclose(hoap2.difference(at, best.q), 0.0, atol=2e-4)
+    off = [float(np.linalg.norm(best.errors[task.name])) for task in tasks]
+    assert min(off) > 1e-3  # both give way

@@ -77,6 +77,7 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
         parts.contacts,
         limits,
         hard,
+        controller.dt,
     )
 
 

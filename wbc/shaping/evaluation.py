@@ -64,7 +64,7 @@ def evaluate(
         return Rejected(number, reason, f"IPOPT: {local.status}; a constraint is broken")
     return Candidate(
         q=read_only(snapshot.q),
-        cost=posture_cost(problem.tasks, snapshot),
+        cost=posture_cost(problem.tasks, snapshot, problem.dt),
         errors=posture_errors(problem.tasks, snapshot),
         kept=kept,
         status=local.status,

@@ -159,7 +159,8 @@ class PostureReach:
     def motion(self, candidate: Candidate, number: int) -> tuple[ShapingMotion, str]:
         """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
         states, at_rest, fault = self._rollout(candidate, number)
-        costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
+        problem = self.problem
+        costs = np.array([posture_cost(problem.tasks, state, problem.dt) for state in states])
         kept, broken = worst_violations(self.problem, states, self.dt)
         allowed = (1.0 + self.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
         reason = fault or broken or ARRIVED

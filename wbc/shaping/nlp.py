@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.constraints.rows import SeparatedPairs, SymbolicRows
 from wbc.shaping.planes import Bodies
-from wbc.shaping.problem import ShapingProblem
+from wbc.shaping.problem import ShapingProblem, effective_gain
 from wbc.shaping.unknowns import ConfigurationMap, Unknowns
 from wbc.validate import Array
 
@@ -159,7 +159,7 @@ def build_nlp(problem: ShapingProblem, seconds: float | None = None) -> BuiltNlp
     cost = ca.SX(0.0)
     for task in problem.tasks:
         weighted = ca.DM(task.weight) * task.symbolic_error(posture)
-        cost += 0.5 * task.gain * ca.sumsqr(weighted)
+        cost += 0.5 * effective_gain(task, problem.dt) * ca.sumsqr(weighted)
     others = [contact for contact in problem.contacts if contact is not problem.anchor]
     closure = ca.SX(ca.vertcat(*(contact.symbolic_error(posture) for contact in others)))
     still = np.zeros(closure.numel())

@@ -15,6 +15,8 @@ from wbc.robot.tree import refuse_loops
 from wbc.tasks import Task
 from wbc.validate import Array, list_of
 
+DT = 0.005  # s
+
 
 @dataclass(frozen=True, eq=False)
 class ShapingProblem:
@@ -25,6 +27,7 @@ class ShapingProblem:
     contacts: tuple[Contact, ...]
     limits: Limits
     constraints: tuple[Margin, ...]
+    dt: float = DT  # of the controller that moves there [s]
 
     @property
     def anchor(self) -> Contact | None:
@@ -37,7 +40,7 @@ class ShapingProblem:
         return tuple(one for one in self.constraints if isinstance(one, ComSupport))
 
 
-def posture_cost(tasks: Sequence[Task], snapshot: Snapshot) -> float:
+def posture_cost(tasks: Sequence[Task], snapshot: Snapshot, dt: float = DT) -> float:
     """Return the sum over tasks of gain * 1/2 |weight * error|^2.
 
     A tick asks for 1/2 |weight * (J v + gain/dt * error)|^2, whose gradient at v = 0 is 1/dt times
@@ -47,8 +50,13 @@ def posture_cost(tasks: Sequence[Task], snapshot: Snapshot) -> float:
     total = 0.0
     for task in tasks:
         weighted = task.weight * task.residual(snapshot).error
-        total += 0.5 * task.gain * float(weighted @ weighted)
+        total += 0.5 * effective_gain(task, dt) * float(weighted @ weighted)
     return total
+
+
+def effective_gain(task: Task, dt: float) -> float:
+    """Return the gain that a squared error counts by: of a tick, or 1 where its weight is all."""
+    return task.law.fraction(dt) * task.law.factor(dt) ** 2
 
 
 def posture_errors(tasks: Sequence[Task], snapshot: Snapshot) -> Mapping[str, Array]:

@@ -20,7 +20,7 @@ from wbc.shaping.motion import AT_REST, MakeController, PostureReach, Watch
 from wbc.shaping.multi_start import MultiStart, Progress
 from wbc.shaping.nlp import build_nlp
 from wbc.shaping.outcome import ShapingMotion, ShapingOutcome, ShapingStatistics, Stopped
-from wbc.shaping.problem import ShapingProblem, check_parts
+from wbc.shaping.problem import DT, ShapingProblem, check_parts
 from wbc.shaping.search_all import search_all
 from wbc.tasks import Task
 from wbc.validate import LARGEST, finite_number
@@ -42,6 +42,8 @@ class GlobalShaping:
         bodies are those of their actual shapes: capsules, boxes and hulls, exactly (see
         :mod:`.separation`). Obstacles are taken at their positions when :meth:`solve` is called;
         moving ones are refused.
+    dt:
+        Time step of the controller that moves there [s], in which a ``gain_per_second`` is a gain.
 
     Raises
     ------
@@ -56,10 +58,12 @@ class GlobalShaping:
         contacts: Sequence[Contact] = (),
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
+        dt: float = DT,
     ) -> None:
+        dt = finite_number("global shaping, dt", dt, above=0.0)
         limits = Limits(robot) if limits is None else limits
         known = check_parts(robot, tasks, contacts, limits, constraints)
-        self.problem = ShapingProblem(robot, tuple(tasks), tuple(contacts), limits, known)
+        self.problem = ShapingProblem(robot, tuple(tasks), tuple(contacts), limits, known, dt)
         build_nlp(self.problem)  # a task that cannot be used is an error now, not after an hour
 
     def solve(
@@ -142,7 +146,7 @@ class GlobalShaping:
         outcome: ShapingOutcome,
         tolerance: float = 0.01,
         attempts: int = 5,
-        dt: float = 0.005,
+        dt: float | None = None,
         make_controller: MakeController | None = None,
         longest: float | None = None,
         rest_speed: float | None = AT_REST,
@@ -159,7 +163,7 @@ class GlobalShaping:
         attempts:
             Number of candidates to try, the best first.
         dt:
-            Time step [s].
+            Time step [s]; None: that of this object.
         make_controller:
             A function that makes the controller from its tasks, for more constraints or another
             solver; by default a :class:`~wbc.controllers.kinematic.KinematicController` with this
@@ -182,8 +186,8 @@ class GlobalShaping:
         NoPostureError
             The outcome has no candidate.
         """
-        dt = finite_number("reach, dt", dt, above=0.0)
         problem = self.problem
+        dt = problem.dt if dt is None else finite_number("reach, dt", dt, above=0.0)
 
         def default(tasks: Sequence[Task]) -> KinematicController:
             return KinematicController(
