@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, WbcError
 from wbc.flight.connection import rotation_of, turning_rate
-from wbc.flight.rounds import JointLoop, Rounds, even_phases, harmonics
+from wbc.flight.rounds import CHECK_PHASES, JointLoop, Rounds, even_phases, harmonics
 from wbc.kinds import whole_number
 from wbc.robot import Robot, Snapshot
 from wbc.robot.chains import followers
@@ -31,8 +31,8 @@ from wbc.validate import Array, finite_array, finite_number, names_of, read_only
 # Parts of joints' names that move by default: all but head, hands and ankles, if so called.
 LIMBS = ("hip", "knee", "shoulder", "elbow", "waist", "torso", "arm", "leg")
 HARMONICS = 2
-# Numbers of phases: of rotation and ranges in the NLP, of distances, and of the final check.
-SOLVER_PHASES, DISTANCE_PHASES, CHECK_PHASES = 24, 72, 400
+# Numbers of phases: of rotation and ranges in the NLP, and of distances.
+SOLVER_PHASES, DISTANCE_PHASES = 24, 72
 START_DEVIATION = 0.3  # rad: of the random first coefficients
 ITERATIONS, GROWTH = 16, 4  # in all, and those in which the rotation grows
 TRUST, DECAY = 0.4, 0.7  # rad or m of joints' motion per iteration, and its decay

@@ -16,6 +16,8 @@ from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 DIGITS = 5  # of coefficients in a file: 1e-5 rad turns a robot by less than that
+ROUNDING = 1e-4  # rad or m beyond a limit, which that may put the end of a path
+CHECK_PHASES = 400  # at which a path is checked
 
 
 def harmonics(phases: Array, count: int, derivative: int = 0) -> Array:
@@ -105,7 +107,8 @@ class Rounds:
         UnknownNameError
             No such joint.
         InvalidInputError
-            Numbers of coefficients that differ, or are odd; or a mimic joint that leaves its gear.
+            Numbers of coefficients that differ, or are odd; a mimic joint that leaves its gear; a
+            joint that leaves its limits.
         """
         sizes = {len(one) for one in loop.values()}
         if len(sizes) != 1 or min(sizes) % 2 or not min(sizes):
@@ -128,7 +131,23 @@ class Rounds:
                     f"loop: {gear.driver} moves {name} by a curve; leave it out"
                 )
             coefficients[:, own] = follows
-        return cls(robot, posture, read_only(coefficients), cycles, period)
+        rounds = cls(robot, posture, read_only(coefficients), cycles, period)
+        rounds._check_range()
+        return rounds
+
+    def _check_range(self) -> None:
+        """Refuse a path that limits would cut, so that another rotation would be left."""
+        limits, path = self.robot.limits, self.loop.at(even_phases(CHECK_PHASES))
+        lowest, highest = path.min(axis=0), path.max(axis=0)
+        beyond = np.maximum(limits.lower - lowest, highest - limits.upper)
+        beyond[~self.coefficients.any(axis=0)] = 0.0  # a joint that rests is where it was put
+        k = int(beyond.argmax())
+        if beyond[k] > ROUNDING:
+            end = lowest[k] if lowest[k] < limits.lower[k] else highest[k]
+            raise InvalidInputError(
+                f"loop: joint {self.robot.joint_names[k]!r} goes to {end:.4g}, outside its limits"
+                f" [{limits.lower[k]:g}, {limits.upper[k]:g}]"
+            )
 
     @property
     def loop(self) -> JointLoop:
