@@ -197,6 +197,8 @@ PARTS = {
     "controller: {solver: active_set}": {
         "controller: {method: pseudo_inverse}": "controller.method",
         "controller: {solver: active_set, deadline: 0.001}": "a deadline",
+        # It was said that no tick had a solution that is accurate enough.
+        "controller: {solver: active_set, eps: 1.0e-4}": "an eps above 1e-06; set controller.eps",
     },
     "support: double": {
         "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers import Controller
 from wbc.controllers.blocks import native_rows_of
-from wbc.controllers.core_plan import CorePlan
+from wbc.controllers.core_plan import TOLERANCE, CorePlan, core_solves
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
 from wbc.native.rows import Kind, NativeRows
@@ -48,6 +48,8 @@ def _unsupported(controller: Controller) -> str | None:
     """Return what the core does not know, in words; None if nothing is found."""
     if type(controller.backend) is not ActiveSet:
         return f"the solver {controller.backend.name!r}; set controller.solver to {NAME}"
+    if not core_solves(controller.backend):
+        return f"an eps above {TOLERANCE:g}; set controller.eps to that or less"
     if len(controller.plan.levels) > 1:
         lower = [repr(task.name) for task in controller.tasks if task.priority > 0]
         return f"levels of priority ({', '.join(lower)}); give weights instead"
