@@ -167,6 +167,9 @@ def test_a_table_has_the_types_of_its_rows(tmp_path: Path) -> None:
         {"run": 1, "gain": 0.5, "mixed": '"two"', "list": "[0.0]", "solved": False, "text": None,
          "late": 3},
     ]  # fmt: skip
+    # A seed of 128 bits ended the campaign in an OverflowError, after its last run.
+    write_rows(path, [{"seed": 2**100}, {"seed": 3}], {})
+    assert read_rows(path)[0] == [{"seed": str(2**100)}, {"seed": "3"}]
     path.write_bytes(b"PAR1 not really")
     with pytest.raises(InvalidInputError, match="is not a table that wbc batch wrote"):
         read_rows(path)

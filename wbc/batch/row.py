@@ -132,7 +132,8 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], made_of: Mapping[s
     """Write rows as a table, whole or not at all.
 
     Columns are those of all rows in order of appearance; what a row lacks is null. A column of
-    booleans, integers or numbers is that, of text is text, and of anything else is JSON text.
+    booleans, integers or numbers is that, of text is text, and of anything else, integers of more
+    than 64 bits too, is JSON text.
 
     Raises
     ------
@@ -178,7 +179,8 @@ def _column(values: Sequence[Any]) -> Any:
     types = {
         bool: pyarrow.bool_(), int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()
     }  # fmt: skip
-    if len(kinds) == 1 and (kind := next(iter(kinds))) in types:
+    fits = kinds != {int} or all(one is None or -(2**63) <= one < 2**63 for one in values)
+    if len(kinds) == 1 and (kind := next(iter(kinds))) in types and fits:
         return pyarrow.array(values, types[kind])
     if not kinds:
         return pyarrow.nulls(len(values), pyarrow.string())
