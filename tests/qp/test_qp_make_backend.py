@@ -84,6 +84,33 @@ def test_a_setting_the_solver_refuses_is_an_error(monkeypatch):
         QpsolversBackend("quadprog", no_such_setting=1.0).solve(SMALL)
 
 
+@needs_bench
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("osqp", {"max_iterations": 5}),  # every QP had failed
+        ("osqp", {"max_iter": -1}),  # OSQPException
+        ("piqp", {"max_iterations": 5}),  # left out, in silence
+        ("clarabel", {"max_iter": -1}),  # OverflowError
+        ("daqp", {"max_iter": 5}),
+    ],
+)
+def test_settings_that_a_solver_does_not_know_are_refused_at_once(name, settings):
+    with pytest.raises(SolverError, match=r"refused its settings .*max_iter"):
+        make_backend(name, **settings)
+    assert make_backend(name, verbose=False).solve(SMALL).solved
+
+
+@pytest.mark.parametrize("name", installed_solvers())
+def test_numbers_of_other_types_are_solved(name):
+    """DAQP had failed: it takes doubles only."""
+    one = QP.build(np.eye(2), [1.0, 2.0], C=[[1.0, 1.0]], l=[0.5])
+    other = one._replace(P=np.eye(2, dtype=np.float32), g=np.array([1, 2]), C=np.array([[1, 1]]))
+    found = make_backend(name).solve(other)
+    assert found.solved, found.describe()
+    np.testing.assert_allclose(found.x, [0.75, -0.25], atol=1e-6)
+
+
 def test_a_solver_that_raises_has_failed_and_says_why(monkeypatch):
     def refuse(problem, solver, **settings):
         raise ValueError("matrix is not to my taste")

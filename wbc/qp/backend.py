@@ -85,6 +85,8 @@ def make_backend(name: str, **settings: Any) -> Backend:
         No such solver; :class:`SolverNotInstalledError` when it only needs installing.
     InvalidInputError
         A setting does not exist or is out of range.
+    SolverError
+        The same, of a solver's own settings.
     """
     eps = settings.get("eps")
     if isinstance(eps, int | float) and eps > LOOSEST:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -65,6 +67,13 @@ class QpsolversBackend:
         Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
     settings:
         Passed to the solver as they are, over those that set the accuracy.
+
+    Raises
+    ------
+    InvalidInputError
+        An eps out of range.
+    SolverError
+        The solver does not take the settings.
     """
 
     def __init__(self, name: str, eps: float = 1e-8, **settings: Any) -> None:
@@ -74,7 +83,27 @@ class QpsolversBackend:
         self._settings = accuracy | settings
         cap = {"max_iter": _QUICK[name]} if name in _QUICK else {}
         self._quick = accuracy | cap | settings
-        self._matrix = np.array if name in qpsolvers.dense_solvers else csc_matrix
+        maker = np.array if name in qpsolvers.dense_solvers else csc_matrix
+        self._matrix = partial(maker, dtype=np.float64)
+        if settings:
+            self._try_settings(settings)
+
+    def _try_settings(self, settings: Mapping[str, Any]) -> None:
+        """Solve a QP of one unknown: solvers look at their settings when they solve."""
+        small = qpsolvers.Problem(self._matrix(np.eye(1)), np.ones(1), lb=np.zeros(1))
+        refused: object = None
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                qpsolvers.solve_problem(small, self.name, **{**self._settings, "verbose": False})
+        except Exception as error:  # each has exceptions of its own
+            refused = error
+        if self.name == "piqp":  # by qpsolvers what it does not know is left out in silence
+            known = dir(importlib.import_module("piqp").DenseSolver().settings)
+            unknown = sorted(settings.keys() - {*known, "backend"})
+            refused = refused or (unknown and f"no such settings: {', '.join(unknown)}")
+        if refused:
+            raise SolverError(f"QP solver {self.name!r} refused its settings {settings}: {refused}")
 
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
@@ -100,13 +129,13 @@ class QpsolversBackend:
         matrix = self._matrix
         problem = qpsolvers.Problem(
             matrix(qp.P),
-            qp.g.copy(),  # Cython's solvers ask for writable arrays
+            _writable(qp.g),
             matrix(rows.G) if rows.h.size else None,
-            rows.h if rows.h.size else None,
+            _writable(rows.h) if rows.h.size else None,
             matrix(qp.A) if qp.b.size else None,
-            qp.b.copy() if qp.b.size else None,
-            qp.lower.copy() if keep_box else None,
-            qp.upper.copy() if keep_box else None,
+            _writable(qp.b) if qp.b.size else None,
+            _writable(qp.lower) if keep_box else None,
+            _writable(qp.upper) if keep_box else None,
         )
         try:
             with warnings.catch_warnings():
@@ -160,6 +189,11 @@ class OneSided:
         z_box[self.box_upper] += box_up
         z_box[self.box_lower] -= box_low
         return z, z_box
+
+
+def _writable(vector: Array) -> Array:
+    """Return a copy as Cython's solvers ask for it: writable, of doubles."""
+    return np.array(vector, dtype=np.float64)
 
 
 def _answer(qp: QP, rows: OneSided, found: Any) -> RawSolution:
