@@ -29,7 +29,7 @@ def alone(campaign: Campaign) -> list[Row]:
     return [run_row(run, campaign.texts[run.problem]) for run in campaign.runs]
 
 
-@pytest.mark.parametrize("workers", [0, -1, "two"])
+@pytest.mark.parametrize("workers", [0, -1, 1.5, "two"])
 def test_a_campaign_by_no_workers_is_refused(campaign: Path, workers: int) -> None:
     """It had no rows, and said nothing."""
     with pytest.raises(InvalidInputError, match="workers"):

@@ -61,6 +61,7 @@ def test_daqp_itself_answers_where_it_is_installed(caplog) -> None:
         ("proxqp", {"eps": np.nan}),
         ("proxqp_cold", {"eps": -1.0}),
         ("active_set", {"always": True}),
+        ("active_set", {"max_iterations": 2.7}),  # they were 2
     ],
 )
 def test_bad_settings_are_refused(name, settings):

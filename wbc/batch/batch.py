@@ -9,8 +9,8 @@ from typing import NamedTuple
 from wbc.batch.cluster import Cluster
 from wbc.batch.row import DIED, ERROR, Row, heading, no_result, plain_row, run_row
 from wbc.journal import Journal
+from wbc.kinds import whole_number
 from wbc.problem.campaign import Campaign, Run
-from wbc.validate import finite_number
 from wbc.workers import Death, WorkerDiedError, Workers
 
 MOMENT = 0.2  # s to wait for a row, before looking whether the campaign is to end
@@ -59,7 +59,7 @@ def run_batch(
     WbcError
         The cluster cannot be reached, or is of other versions.
     """
-    workers = int(finite_number("campaign, workers", workers, least=1.0))
+    workers = whole_number("campaign, workers", workers, least=1)
     rows = {row["run"]: row for row in (journal.entries if journal else ())}
     waiting = [run for run in campaign.runs if run.number not in rows]
     if waiting:

@@ -10,13 +10,14 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.rows import Bounds, Distances, Index, take
+from wbc.kinds import whole_number
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.robot.collision.native_pairs import Closing
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_sizes
 from wbc.robot.series import StateSeries
-from wbc.validate import Array, finite_number
+from wbc.validate import Array
 
 
 class BodyMargin(Margin):
@@ -49,7 +50,7 @@ class BodyMargin(Margin):
 
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "count":  # the core allocates memory for so many
-            value = int(finite_number(f"{self.name}, pairs", value, least=1.0))
+            value = whole_number(f"{self.name}, pairs", value, least=1)
         super()._set_attribute(name, value)
 
     @abstractmethod

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from wbc.kinds import whole_number
 from wbc.qp.conflict import FINEST, conflict_by_simplex, conflict_of, find_conflict
 from wbc.qp.core import DONE, INFEASIBLE, CoreSolution, FlatQP, solve_in_core
 from wbc.qp.kkt import SolveCheck, largest
@@ -191,5 +192,5 @@ def checked_settings(solver: str, eps: float, max_iterations: int) -> tuple[floa
     """Return the accuracy that a solver promises, and its cap on iterations, both in range."""
     return (
         finite_number(f"eps of {solver}", eps, least=1e-12),
-        int(finite_number(f"max_iterations of {solver}", max_iterations, least=1)),
+        whole_number(f"max_iterations of {solver}", max_iterations, least=1, most=1e9),
     )

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
+from wbc.kinds import whole_number
 from wbc.retargeting.constraint_projection import update_footprints
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.initial_guess import Progress
@@ -139,7 +140,7 @@ def retarget(
             f"retarget, margin: {margin:g} m between bodies is more than a robot's arms and legs"
             f" leave; give at most {MAX_MARGIN:g}, in metres"
         )
-    rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
+    rounds = whole_number("retarget, rounds", rounds, least=1)
     weights = RetargetWeights() if weights is None else weights
     setup = robot_setup(robot, links, margin if self_collision else None)
     scale = motion_scale(human, setup.robot, setup.legs, setup.standing, duration)

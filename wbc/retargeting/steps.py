@@ -11,9 +11,10 @@ from wbc.errors import InvalidInputError
 from wbc.gait import Footstep
 from wbc.gait.legs import SIDES
 from wbc.gait.swing import turned
+from wbc.kinds import whole_number
 from wbc.retargeting.footsteps import Footprint
 from wbc.retargeting.result import Retargeted
-from wbc.validate import Array, finite_number
+from wbc.validate import Array
 
 RAMP = (0.4, 0.7)  # factors on the length of the first two and, reversed, the last two steps
 
@@ -30,7 +31,7 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     InvalidInputError
         Feet do not alternate for at least a stride: three footprints.
     """
-    count = int(finite_number("footsteps, count", count, least=2.0))
+    count = whole_number("footsteps, count", count, least=2)
     prints = alternating_footprints(motion)
     if len(prints) < 3:
         raise InvalidInputError(

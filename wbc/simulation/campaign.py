@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.journal import Journal, wrong_file_error
 from wbc.kinds import whole_number
-from wbc.validate import Array, finite_number, finite_vector, read_only, real_array, set_fields
+from wbc.validate import Array, finite_vector, read_only, real_array, set_fields
 from wbc.workers import Workers
 
 POLL_TIME = 0.1  # s to wait for an outcome before asking whether the campaign is cancelled
@@ -191,7 +191,7 @@ def run_campaign(
         An error of a trial; :class:`~wbc.workers.WorkerDiedError` if processes die of a push each
         time that it is tried.
     """
-    size = int(finite_number("campaign, workers", workers, least=1.0))
+    size = whole_number("campaign, workers", workers, least=1)
     grid_keys = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
     found = {push.key: push for push in known if push.key in grid_keys}
     is_cancelled = cancelled or (lambda: False)
