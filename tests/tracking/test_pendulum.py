@@ -41,6 +41,7 @@ def test_soles_with_margin_are_inside_the_standing_ones(
     inner = np.array(own.soles(("left", "right"), 0.01))
     assert polygon_margin(whole, inner).min() == pytest.approx(0.01, abs=1e-9)
     left = np.array(own.soles(("left",)))
+    np.testing.assert_array_equal(own.soles("left"), left)  # as PlanReference takes it; it was 'l'
     assert polygon_margin(whole, left).min() >= -1e-12
     assert left[:, 1].mean() > 0.0 > start.position(start.robot.foot("right").frame)[1]
     with pytest.raises(UnknownNameError, match=r"'lfet'.*'left'"):

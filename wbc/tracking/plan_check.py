@@ -11,7 +11,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
 from wbc.robot import Snapshot
-from wbc.validate import Array
+from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:  # plans load CasADi
     from wbc.rmp.plan.plan import Plan
@@ -68,7 +68,7 @@ def sole_polygon(start: Snapshot, feet: Iterable[str]) -> Array:
     UnknownNameError
         The robot has no such foot.
     """
-    feet = tuple(feet)
+    feet = names_of("plan, feet", feet)
     polygon = support_polygon(start, feet)
     for foot in feet:
         height = float(start.position(start.robot.foot(foot).frame)[2])
