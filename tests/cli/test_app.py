@@ -110,6 +110,7 @@ def test_the_solver_can_be_chosen(file: Path, tmp_path: Path) -> None:
 def test_bad_input_is_one_clean_message(file: Path, tmp_path: Path) -> None:
     assert refused("run", tmp_path / "missing.yaml") == f"{tmp_path}/missing.yaml: no such file"
     assert refused("run", tmp_path) == f"{tmp_path}: a folder; name a problem file in it"
+    assert refused("batch", "/") == "/: a folder; name a problem file in it"  # ValueError
     assert "expected PATH=VALUE" in refused("run", file, "--set", "tasks.hand.gain")
     assert "must be at most 1, got 2" in refused("run", file, "--set", "tasks.hand.gain=2")
     file.write_text(GOOD.replace("left_hand", "left_hnd"))

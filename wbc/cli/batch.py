@@ -60,8 +60,12 @@ def batch(
     require("pyarrow", "wbc batch")
     if cluster is not None:
         require("distributed", "--cluster")
-    output = _checked(output or path.with_suffix(".parquet"))
-    campaign = load_campaign(path)
+    if output is not None:
+        _check_output(output)
+    campaign = load_campaign(path)  # before its name is taken: a folder's may be empty
+    if output is None:
+        output = path.with_suffix(".parquet")
+        _check_output(output)
     if check:
         typer.echo(f"{path}: valid: {_summary_line(campaign)}")
         return
@@ -89,8 +93,8 @@ def batch(
     raise typer.Exit(outputs.exit_code(NOT_REACHED if lost else 0))
 
 
-def _checked(output: Path) -> Path:
-    """Return the output; raise if it cannot be written, before any work is done."""
+def _check_output(output: Path) -> None:
+    """Raise if the output cannot be written, before any work is done."""
     from wbc.batch.row import ENDING
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
@@ -98,7 +102,6 @@ def _checked(output: Path) -> Path:
     if output.suffix != ENDING:
         raise InvalidInputError(f"--output {output}: a campaign is written as {ENDING}")
     check_place("--output", output)
-    return output
 
 
 def _is_done(output: Path, made_of: dict[str, Any]) -> bool:
