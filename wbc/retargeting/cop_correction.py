@@ -31,8 +31,12 @@ from wbc.validate import Array
 EDGE_MARGIN, MAX_EDGE_MARGIN = 0.05, 0.3
 # Weights of squares of the CoP's displacements and of its distance outside the soles; the CoM's
 # displacements have 1.
-COP_WEIGHT, OUTSIDE_WEIGHT, MAX_NEWTON_ITERATIONS = 1e-3, 1e3, 60
-MIN_NEWTON_STEP = 1e-3  # part of Newton's step at which no better displacement is expected
+COP_WEIGHT, OUTSIDE_WEIGHT = 1e-3, 1e3
+# The interior-point method: first multipliers and slacks [m], the part of the mean product of both
+# that is aimed at, the part of a step to the boundary that is taken, and the duality gap by the
+# cost at its end.
+FIRST_MULTIPLIER, FIRST_SLACK, CENTERING, BOUNDARY_FRACTION = 1e-2, 1e-2, 0.2, 0.995
+GAP, MAX_ITERATIONS = 1e-7, 60
 MIN_GRAVITY = 2.0  # m/s^2, of g + z'': below it, (nearly) in flight, there is no CoP
 
 
@@ -177,9 +181,9 @@ def least_com_displacement(
     """Return the least displacement (n, 2) of the CoM that brings its CoP inside the soles [m].
 
     The least squares of the displacements of the CoM and, weighted less, of the CoP. Distances
-    outside the soles weigh much more, so that an infeasible CoP is nearly met. Newton's method with
-    the violated edges as active set; the Hessian is banded, x and y of five frames. Full steps may
-    cycle: they are halved until the cost is no higher than two steps before.
+    outside the soles weigh much more, so that an infeasible CoP is nearly met. A primal-dual
+    interior-point method (Nocedal and Wright, Numerical Optimization, 2006, sec. 16.6), whose
+    Hessian is banded, x and y of five frames: active sets of violated edges cycle.
 
     Parameters
     ----------
@@ -202,31 +206,41 @@ def least_com_displacement(
     stencil = _cop_stencil(time_constant_sq, dt)
     base = (edges[..., :2] @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
 
-    def evaluate(e: Array) -> tuple[float, Array]:
-        """Return the cost of a displacement, and how far its CoP is outside each edge (n, m)."""
-        moved = _apply_stencil(stencil, e)
-        outside = base + (edges[..., :2] @ moved[..., None])[..., 0]
-        squares = [np.square(one).sum() for one in (e, moved, np.maximum(outside, 0.0))]
-        return float(np.dot((1.0, COP_WEIGHT, OUTSIDE_WEIGHT), squares)), outside
-
+    normals = edges[..., :2]
+    transposed, rows = np.swapaxes(normals, 1, 2), normals.any(axis=2)
     e: Array = np.zeros((len(cop), 2))
-    cost, outside = evaluate(e)
-    recent = cost, cost
-    for _ in range(MAX_NEWTON_ITERATIONS):
-        active = outside > 0.0
-        normals = np.where(active[..., None], edges[..., :2], 0.0)
-        H = OUTSIDE_WEIGHT * np.swapaxes(normals, 1, 2) @ normals + COP_WEIGHT * np.eye(2)
-        gradient = OUTSIDE_WEIGHT * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
-        step, share = _minimize(stencil, H, gradient) - e, 1.0
-        while True:
-            cost, outside = evaluate(e + share * step)
-            if cost <= max(recent) or share < MIN_NEWTON_STEP:
-                break
-            share *= 0.5
-        e, recent = e + share * step, (recent[1], cost)
-        if share == 1.0 and np.array_equal(outside > 0.0, active):
+    if not (base > 0.0).any():
+        return e, cop
+    # Distances outside the edges, o <= multiplier / OUTSIDE_WEIGHT, with slacks of the difference.
+    multipliers = np.where(rows, FIRST_MULTIPLIER, 0.0)
+    slacks = np.where(rows, np.maximum(multipliers / OUTSIDE_WEIGHT - base, FIRST_SLACK), 1.0)
+    for _ in range(MAX_ITERATIONS):
+        target = CENTERING * float((multipliers * slacks).sum()) / np.count_nonzero(rows)
+        pull = np.where(rows, 1.0 / (slacks + multipliers / OUTSIDE_WEIGHT), 0.0)
+        stiffness, pull = multipliers * pull, target * pull
+        H = transposed @ (stiffness[..., None] * normals) + COP_WEIGHT * np.eye(2)
+        gradient = (transposed @ (pull + stiffness * (slacks + base))[..., None])[..., 0]
+        goal = _minimize(stencil, H, gradient)
+        outside = base + (normals @ _apply_stencil(stencil, goal)[..., None])[..., 0]
+        goals = pull + stiffness * (slacks + outside)
+        multiplier_step = goals - multipliers
+        slack_step = np.where(rows, goals / OUTSIDE_WEIGHT - outside - slacks, 0.0)
+        share = min(
+            1.0, _to_boundary(multipliers, multiplier_step), _to_boundary(slacks, slack_step)
+        )
+        e, multipliers = e + share * (goal - e), multipliers + share * multiplier_step
+        slacks = slacks + share * slack_step
+        squares = [np.square(x).sum() for x in (e, _apply_stencil(stencil, e), multipliers)]
+        cost = float(np.dot((1.0, COP_WEIGHT, 1.0 / OUTSIDE_WEIGHT), squares))
+        if share > 0.5 and float((multipliers * slacks).sum()) < GAP * cost:
             break
     return e, cop + _apply_stencil(stencil, e)
+
+
+def _to_boundary(x: Array, step: Array) -> float:
+    """Return the part of a step that leaves a little of each positive x."""
+    shrinks = step < 0.0
+    return BOUNDARY_FRACTION * float((-x[shrinks] / step[shrinks]).min(initial=np.inf))
 
 
 def cop_displacement(e: Array, time_constant_sq: Array, dt: float) -> Array:
