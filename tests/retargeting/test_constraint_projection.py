@@ -78,7 +78,13 @@ def margins_kept(robot: Robot, q: Array) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("joint", "by"), [("left_knee", 0.1), ("right_hip_yaw", 0.2), ("left_shoulder_pitch", 0.15)]
+    ("joint", "by"),
+    [
+        ("left_knee", 0.1),
+        ("right_hip_yaw", 0.2),
+        ("left_shoulder_pitch", 0.15),
+        ("right_hip_roll", -0.1),  # 4 mm off after 14 iterations
+    ],
 )
 def test_disturbed_motion_is_feasible_after_projection(
     step: wbc.Retargeted, joint: str, by: float

@@ -33,7 +33,8 @@ from wbc.robot.series import StateSeries, sole_series
 from wbc.rotations import headings
 from wbc.validate import Array
 
-MAX_ITERATIONS = 14
+# Iterations at most, and in all where the violation is already below NEARLY_FEASIBLE [m or rad].
+MAX_ITERATIONS, MAX_ITERATIONS_NEARLY, NEARLY_FEASIBLE = 14, 40, 5e-3
 WEIGHT = 2e3  # of feet, limits and margins, by a leg's length or per rad
 EXCESS_FACTOR, JERK_FACTOR = 10.0, 10.0  # on the weights of the trajectory problem
 # Levenberg-Marquardt weight of displacements, and its factors after a better and a worse step.
@@ -91,9 +92,11 @@ def project_onto_constraints(
     """
     now = best = _LinearizedConstraints(problem, q)
     damping = DAMPING_DECREASE * INITIAL_DAMPING
-    for number in range(MAX_ITERATIONS):
+    for number in range(MAX_ITERATIONS_NEARLY):
         if now.found.feasible:
             return now.found
+        if number >= MAX_ITERATIONS and best.found.violation > NEARLY_FEASIBLE:
+            break
         if stop_early and number >= EARLY_STOP_ITERATION and best.cost > EARLY_STOP_COST:
             break
         now = _LinearizedConstraints(problem, best.step(damping))
