@@ -11,7 +11,7 @@ at once. No step is planned anew, none is dropped.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -181,9 +181,10 @@ def least_com_displacement(
     """Return the least displacement (n, 2) of the CoM that brings its CoP inside the soles [m].
 
     The least squares of the displacements of the CoM and, weighted less, of the CoP. Distances
-    outside the soles weigh much more, so that an infeasible CoP is nearly met. A primal-dual
-    interior-point method (Nocedal and Wright, Numerical Optimization, 2006, sec. 16.6), whose
-    Hessian is banded, x and y of five frames: active sets of violated edges cycle.
+    outside the soles weigh much more, so that an infeasible CoP is nearly met. Newton's method with
+    the violated edges as active set; where that cycles, a primal-dual interior-point method
+    (Nocedal and Wright, Numerical Optimization, 2006, sec. 16.6). The Hessian is banded, x and y of
+    five frames.
 
     Parameters
     ----------
@@ -207,24 +208,57 @@ def least_com_displacement(
     base = (edges[..., :2] @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
 
     normals = edges[..., :2]
-    transposed, rows = np.swapaxes(normals, 1, 2), normals.any(axis=2)
-    e: Array = np.zeros((len(cop), 2))
-    if not (base > 0.0).any():
-        return e, cop
-    # Distances outside the edges, o <= multiplier / OUTSIDE_WEIGHT, with slacks of the difference.
-    multipliers = np.where(rows, FIRST_MULTIPLIER, 0.0)
-    slacks = np.where(rows, np.maximum(multipliers / OUTSIDE_WEIGHT - base, FIRST_SLACK), 1.0)
-    for _ in range(MAX_ITERATIONS):
-        target = CENTERING * float((multipliers * slacks).sum()) / np.count_nonzero(rows)
-        pull = np.where(rows, 1.0 / (slacks + multipliers / OUTSIDE_WEIGHT), 0.0)
-        stiffness, pull = multipliers * pull, target * pull
+    transposed = np.swapaxes(normals, 1, 2)
+
+    def minimize(stiffness: Array, pull: Array) -> tuple[Array, Array]:
+        """Minimise with squares and linear terms of distances o (n, m) outside; return e and o."""
         H = transposed @ (stiffness[..., None] * normals) + COP_WEIGHT * np.eye(2)
-        gradient = (transposed @ (pull + stiffness * (slacks + base))[..., None])[..., 0]
-        goal = _minimize(stencil, H, gradient)
-        outside = base + (normals @ _apply_stencil(stencil, goal)[..., None])[..., 0]
+        e = _minimize(stencil, H, (transposed @ (pull + stiffness * base)[..., None])[..., 0])
+        return e, base + (normals @ _apply_stencil(stencil, e)[..., None])[..., 0]
+
+    outside: Array = base
+    fewest, cycling = base.size, 0
+    while cycling < 2:  # times that no fewer edges changed than before
+        active = outside > 0.0
+        e, outside = minimize(OUTSIDE_WEIGHT * active, np.zeros_like(base))
+        changed = int(np.count_nonzero((outside > 0.0) != active))
+        if not changed:
+            return e, cop + _apply_stencil(stencil, e)
+        cycling += changed >= fewest
+        fewest = min(fewest, changed)
+    e = _interior_point(minimize, stencil, base, np.asarray(normals.any(axis=2)))
+    return e, cop + _apply_stencil(stencil, e)
+
+
+def _interior_point(
+    minimize: Callable[[Array, Array], tuple[Array, Array]],
+    stencil: Array,
+    base: Array,
+    edges: NDArray[np.bool_],
+) -> Array:
+    """Return the least displacement (n, 2) of the CoM, see :func:`least_com_displacement`.
+
+    Parameters
+    ----------
+    minimize:
+        From squares and linear terms of the distances outside the edges, see there.
+    base:
+        Distances (n, m) without displacement [m].
+    edges:
+        Which of these there are (n, m).
+    """
+    # Distances are at most multiplier / OUTSIDE_WEIGHT; slacks are what is left of that.
+    e = np.zeros((len(base), 2))
+    multipliers = np.where(edges, FIRST_MULTIPLIER, 0.0)
+    slacks = np.where(edges, np.maximum(multipliers / OUTSIDE_WEIGHT - base, FIRST_SLACK), 1.0)
+    for _ in range(MAX_ITERATIONS):
+        target = CENTERING * float((multipliers * slacks).sum()) / np.count_nonzero(edges)
+        pull = np.where(edges, 1.0 / (slacks + multipliers / OUTSIDE_WEIGHT), 0.0)
+        stiffness, pull = multipliers * pull, target * pull
+        goal, outside = minimize(stiffness, pull + stiffness * slacks)
         goals = pull + stiffness * (slacks + outside)
         multiplier_step = goals - multipliers
-        slack_step = np.where(rows, goals / OUTSIDE_WEIGHT - outside - slacks, 0.0)
+        slack_step = np.where(edges, goals / OUTSIDE_WEIGHT - outside - slacks, 0.0)
         share = min(
             1.0, _to_boundary(multipliers, multiplier_step), _to_boundary(slacks, slack_step)
         )
@@ -234,7 +268,7 @@ def least_com_displacement(
         cost = float(np.dot((1.0, COP_WEIGHT, 1.0 / OUTSIDE_WEIGHT), squares))
         if share > 0.5 and float((multipliers * slacks).sum()) < GAP * cost:
             break
-    return e, cop + _apply_stencil(stencil, e)
+    return e
 
 
 def _to_boundary(x: Array, step: Array) -> float:

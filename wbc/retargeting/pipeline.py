@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
@@ -163,7 +163,7 @@ def retarget(
         return TrajectoryProblem(FrameTasks(setup, targets, weights), setup.collision), axes
 
     # LAPACK factorizes narrow bands: BLAS's threads wait for each other, up to 40 times as long.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _libraries().limit(limits=1, user_api="blas"):
         found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
     notes, reduced = [*setup.notes, *setup.body.notes, *found.notes(scale.time)], setup.robot
     tasks = found.problem.tasks
@@ -177,6 +177,12 @@ def retarget(
     return evaluate(
         robot, setup, human.motion.source, found.scale, targets, q, friction, tuple(notes)
     )
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries with threads of their own; looking for them takes milliseconds."""
+    return ThreadpoolController()
 
 
 def evaluate(
