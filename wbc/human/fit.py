@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from wbc.human.body import HINGES, SEGMENT_NAMES, SEGMENTS
@@ -23,6 +24,7 @@ from wbc.human.kinematics import (
     rotations,
 )
 from wbc.human.landmarks import Landmark
+from wbc.rotations import same_sign
 from wbc.validate import Array
 
 # Initial angles: straight knees and elbows could bend either way.
@@ -39,6 +41,7 @@ LUMBAR = [k for k, hinge in enumerate(HINGES) if hinge.name.startswith("lumbar")
 PELVIS_TILT = 0.35  # rad: up to which the trunk stays upright over the pelvis
 # A frame whose cost is above factor times its neighbour's plus offset is in another local minimum.
 LOCAL_MINIMUM_FACTOR, LOCAL_MINIMUM_OFFSET = 2.0, 20.0
+UNTOLD = 5.0  # times the deviation with all markers: a coordinate is then not told by those seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +159,52 @@ def escape_local_minima(poses: Poses, cost: Array, observed: Array, markers: Mar
                     poses.put(k, found, 0)
                     cost[k] = new[0]
     return poses
+
+
+def bridge_untold(
+    time: Array, poses: Poses, observed: Array, markers: MarkerSet
+) -> tuple[Poses, NDArray[np.bool_]]:
+    """Return postures (n) whose coordinates follow their neighbours in time where no marker tells.
+
+    There the fit has only its prior: a foot without markers would jump to neutral and back, and a
+    human out of view to the posture of a key frame. Also which coordinates (n, 40) these are:
+    those whose standard deviation grows too much by the markers that are not seen.
+    """
+    missing: NDArray[np.bool_] = ~np.asarray(np.isfinite(observed).all(axis=2))
+    never = missing.all(axis=0)
+    missing &= ~never
+    untold = np.zeros((len(poses), DOFS), dtype=bool)
+    some = np.flatnonzero(missing.any(axis=1))
+    for first in range(0, len(some), FRAMES_PER_BATCH):
+        frames = some[first : first + FRAMES_PER_BATCH]
+        now = poses[frames]
+        fitted = markers.positions(markers.frames(now))
+        fitted[:, never] = np.nan
+        both = [
+            np.diagonal(np.linalg.inv(normal_equations(now, one, markers)[0]), axis1=1, axis2=2)
+            for one in (fitted, np.where(missing[frames][..., None], np.nan, fitted))
+        ]
+        untold[frames] = both[1] > UNTOLD**2 * both[0]
+    untold[:, :3] = untold[:, :3].any(axis=1, keepdims=True)  # the pelvis as a whole
+    untold[:, 3:6] = untold[:, 3:6].any(axis=1, keepdims=True)
+    moved, turned = untold[:, 0], untold[:, 3]
+    found = poses.copy()
+    quaternions = Rotation.from_matrix(poses.rotation).as_quat()
+    quaternions[~turned] = same_sign(quaternions[~turned])
+    _interpolate(time, found.position, moved)
+    _interpolate(time, quaternions, turned)
+    for k in range(len(HINGES)):
+        _interpolate(time, found.angles[:, k], untold[:, 6 + k])
+    found.rotation[turned] = Rotation.from_quat(quaternions[turned]).as_matrix()
+    return found, untold
+
+
+def _interpolate(time: Array, values: Array, untold: NDArray[np.bool_]) -> None:
+    """Interpolate values (n, ...) in place; at both ends they are those of the nearest frame."""
+    told = time[~untold]
+    if untold.any() and len(told) > 1:
+        curve = PchipInterpolator(told, values[~untold])
+        values[untold] = curve(np.clip(time[untold], told[0], told[-1]))
 
 
 def normal_equations(poses: Poses, observed: Array, markers: MarkerSet) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, cutoff_by_steps, feet_down, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
+    bridge_untold,
     escape_local_minima,
     fit_poses,
     residuals,
@@ -48,7 +49,7 @@ from wbc.human.subjects import select_subject
 from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.kinds import check_kind
 from wbc.motion.analysis import analyze
-from wbc.motion.dropouts import Dropout
+from wbc.motion.dropouts import Dropout, runs
 from wbc.motion.filtering import low_pass
 from wbc.motion.recording import LONGEST_GAP, Motion
 from wbc.motion.series import RmpSeries
@@ -193,7 +194,7 @@ def human_motion(
     body = HumanBody(found.markers.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     frames = forward_kinematics(poses, body.dimensions)
     ground, soles, more = ground_and_soles(frames, time, body, ground_height)
-    notes += found.notes + more
+    notes += found.notes + fit.notes + more
     robot = human_robot(body, soles)
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, fit.dropouts)
@@ -273,6 +274,7 @@ class _MarkerFit(NamedTuple):
     residual: Array  # (n, m, 3) [m], NaN where not seen
     dropouts: tuple[Dropout, ...]
     trunk: bool  # whether markers tell its lean
+    notes: tuple[str, ...]
 
 
 def _fit_markers(
@@ -292,6 +294,7 @@ def _fit_markers(
     frames = key_frames(observed, KEY_FRAMES)
     found = calibrate(np.concatenate((standing, observed[frames])), names, marks, stature)
     poses = _fit_all_frames(found, len(standing), frames, observed)
+    poses, untold = bridge_untold(time, poses, observed, found.markers)
     observed, more = _repair(time, observed, poses, found)
     if more:
         poses, _ = fit_poses(poses, observed, found.markers)
@@ -303,7 +306,15 @@ def _fit_markers(
     missing = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
     residual[:, : len(columns)][missing] = np.nan
     dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
-    return _MarkerFit(found, poses, observed, residual, dropouts, trunk)
+    notes = _unseen_notes(time, untold)
+    return _MarkerFit(found, poses, observed, residual, dropouts, trunk, notes)
+
+
+def _unseen_notes(time: Array, untold: Bools) -> tuple[str, ...]:
+    """Return a note on the frames in which markers do not tell where the pelvis is (n, 40)."""
+    spans = [f"{time[a]:.2f} to {time[b - 1]:.2f} s" for a, b in runs(untold[:, 0])]
+    what = "too few markers are seen: the body is interpolated there, its forces are uncertain"
+    return (f"from {listed(spans, 4)} {what}",) if spans else ()
 
 
 def _static_frames(static: MarkerRecording | None, markers: Markers, up: str | None) -> Array:
