@@ -11,6 +11,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.comparison import plates_mass
+from wbc.human.contacts import cutoff_by_steps
 from wbc.human.fit import (
     PELVIS_TILT,
     MarkerSet,
@@ -358,6 +359,15 @@ def test_human_is_fitted_only_while_in_view() -> None:
     assert human.motion.time[[0, -1]] == pytest.approx(recording.time[[35, 79]])
     assert any("0.35 to 0.79 s" in note for note in human.notes)
     assert human.rms < 5e-3
+
+
+@pytest.mark.parametrize(("apart", "cutoff"), [(0.5, 4.8), (0.02, 6.0), (2.0, 6.0)])
+def test_two_touchdowns_of_a_short_recording_are_a_step(apart: float, cutoff: float) -> None:
+    """They had the cutoff without steps: forces of one stride were a third farther off."""
+    time = np.arange(300) / 100.0
+    down = np.column_stack((time >= 0.5, time >= 0.5 + apart))
+    assert cutoff_by_steps(down, time) == pytest.approx(cutoff)
+    assert cutoff_by_steps(~down, time) == pytest.approx(cutoff)
 
 
 @pytest.mark.parametrize("lost", ["all", "forearm"])

@@ -15,6 +15,7 @@ SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
 # Cutoff by the step rate: most of the ground's force is below the third harmonic (Antonsson and
 # Mann 1985, J. Biomech. 18, 39-47); above it markers show more of skin than of bones.
 HARMONICS = 2.4
+SHORTEST_STEP, LONGEST_STEP = 0.2, 1.2  # s, where only two touchdowns tell
 USUAL_CUTOFF, CUTOFF_RANGE = 6.0, (4.0, 12.0)  # Hz: without steps; least and largest with steps
 
 Bools = NDArray[np.bool_]
@@ -49,9 +50,18 @@ def nearest_rows(time: Array, at: Array) -> NDArray[np.intp]:
 
 
 def cutoff_by_steps(down: Bools, time: Array) -> float:
-    """Return the cutoff for a human's motion [Hz], by the median time between touchdowns."""
-    touchdowns = time[1:][(down[1:] & ~down[:-1]).any(axis=1)]
-    if len(touchdowns) < 3:
+    """Return the cutoff for a human's motion [Hz], by the median time between touchdowns.
+
+    Two touchdowns, as in recordings of one stride, are a step if they are as far apart as steps
+    are, and so are two times at which feet leave the ground.
+    """
+    up, was_down = ~down[1:], down[:-1]
+    touchdowns = time[1:][(down[1:] & ~was_down).any(axis=1)]
+    steps = np.diff(touchdowns)
+    if len(steps) < 2:
+        steps = np.concatenate((steps, np.diff(time[1:][(up & was_down).any(axis=1)])))
+        steps = steps[(steps > SHORTEST_STEP) & (steps < LONGEST_STEP)]
+    if not len(steps):
         return USUAL_CUTOFF
-    rate = 1.0 / float(np.median(np.diff(touchdowns)))
+    rate = 1.0 / float(np.median(steps))
     return float(np.clip(HARMONICS * rate, *CUTOFF_RANGE))
