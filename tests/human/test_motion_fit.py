@@ -361,6 +361,20 @@ def test_human_is_fitted_only_while_in_view() -> None:
     assert human.rms < 5e-3
 
 
+def test_frames_that_a_file_leaves_out_are_told() -> None:
+    """A spline bridged them in silence."""
+    recording, _ = recorded(BODY, seconds=3.0)
+    kept = np.r_[0:60, 65:130, 152:300]
+    human = human_motion(
+        replace(recording, time=recording.time[kept], positions=recording.positions[kept]),
+        mass=72.0,
+    )
+    assert human.motion.time == pytest.approx(recording.time)
+    gaps = {(round(one.start, 2), round(one.end, 2)) for one in human.motion.dropouts}
+    assert gaps == {(0.59, 0.65), (1.29, 1.52)}
+    assert any("from 1.30 to 1.51 s too few markers are seen" in one for one in human.notes)
+
+
 @pytest.mark.parametrize(("apart", "cutoff"), [(0.5, 4.8), (0.02, 6.0), (2.0, 6.0)])
 def test_two_touchdowns_of_a_short_recording_are_a_step(apart: float, cutoff: float) -> None:
     """They had the cutoff without steps: forces of one stride were a third farther off."""

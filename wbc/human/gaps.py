@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wbc.human.markers import MarkerRecording
-from wbc.motion.dropouts import MISSING, Dropout, runs
+from wbc.motion.dropouts import MISSING, Dropout, insert_rows, missing_frames, runs
 from wbc.validate import Array
 
 # A ghost is farther from the fit than the first [m] and than this factor times its usual residual.
@@ -75,6 +75,16 @@ def longest_without_jump(
     )
     part_of = replace(recording, time=time[part], positions=recording.positions[part])
     return part_of, (*notes, note)
+
+
+def with_missing_frames(recording: MarkerRecording) -> MarkerRecording:
+    """Return a recording in whose missing frames, by its times, no marker is seen."""
+    gaps = missing_frames(recording.time)
+    if not gaps:
+        return recording
+    rows = recording.positions.reshape(len(recording.time), -1)
+    time, rows = insert_rows(recording.time, rows, gaps)
+    return replace(recording, time=time, positions=rows.reshape(len(time), -1, 3))
 
 
 def _largest_step(dt: float) -> float:

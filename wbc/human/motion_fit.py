@@ -30,6 +30,7 @@ from wbc.human.gaps import (
     remove_ghosts,
     swap_back,
     while_in_view,
+    with_missing_frames,
 )
 from wbc.human.kinematics import Poses, forward_kinematics
 from wbc.human.landmarks import identifies_trunk
@@ -240,6 +241,7 @@ def _prepare(
         notes += static_trial_notes(recording, static, markers)
     recording, view = while_in_view(recording, markers)
     recording, jumps = longest_without_jump(recording, markers)
+    recording = with_missing_frames(recording)
     recording, axis = rotate_z_up(recording, markers, up)
     recording, offsets = _tare_plates(recording)
     notes = (*recording.notes, *others, *notes, *view, *jumps, *offsets)

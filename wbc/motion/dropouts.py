@@ -112,12 +112,11 @@ def fill_gaps(
             # The base is recorded separately, and may move while the joints are frozen.
             frozen = (content[first:end] == content[first]).all(axis=0)
             content[first + 1 : end, frozen] = np.nan
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > GAP_RATIO * np.median(steps)).tolist() if len(steps) else []
+    gaps = missing_frames(time)
     for row in gaps:
         note(GAP, (row, row + 1), ("all",), True)
     unwrap(robot, content[:, :count], content[:, count + len(PLACE) :])
-    time, content = _insert_rows(time, content, gaps)
+    time, content = insert_rows(time, content, gaps)
     return time, _interpolate(time, content), tuple(sorted(dropouts, key=lambda one: one.start))
 
 
@@ -192,7 +191,13 @@ def _frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray
             yield first, last, moved
 
 
-def _insert_rows(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
+def missing_frames(time: Array) -> list[int]:
+    """Return the rows after which frames are missing, by the median step of times (n,)."""
+    steps = np.diff(time)
+    return np.flatnonzero(steps > GAP_RATIO * np.median(steps)).tolist() if len(steps) else []
+
+
+def insert_rows(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
     """Return times and values with rows of NaN after rows ``gaps``, a median step apart.
 
     Raises
