@@ -508,6 +508,14 @@ def test_legs_are_identified_by_other_names(leg: str) -> None:
     assert [found[k] for k in range(len(names))] == wanted
 
 
+def test_joints_of_unreal_are_identified() -> None:
+    limbs = "thigh calf foot ball upperarm lowerarm hand".split()  # noqa: SIM905
+    names = ["root", "pelvis", "neck_01", "head", *(f"{one}_{s}" for s in "lr" for one in limbs)]
+    found = joint_landmarks(names, "it")
+    assert [found[k] for k in (1, 2, 3)] == ["root", "neck_centre", "head_centre"]
+    assert sorted(found) == list(range(1, len(names)))
+
+
 def test_unit_of_carnegie_mellon_is_recognised(tmp_path: Path) -> None:
     path, size = tmp_path / "a.bvh", 0.0254 / 0.45  # of their README: inches times 0.45
     ankle = write_bvh(path)

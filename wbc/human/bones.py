@@ -33,7 +33,7 @@ _PAIRED = {
 }
 _MIDDLE = {
     "root": "HIPS PELVIS HIP ROOT REFERENCE",
-    "neck_centre": "NECK NECK1 LOWERNECK",
+    "neck_centre": "NECK NECK1 NECK01 LOWERNECK",
     "head_centre": "HEAD",
     "head_top": "HEAD/END",
 }
