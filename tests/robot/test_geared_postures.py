@@ -57,3 +57,35 @@ def test_posture_target_of_a_problem_names_either_end_of_a_gear(
     (task,) = problem_of(tmp_path, f"robot: geared.urdf\ntasks: {{p: {target}}}\n").parts.tasks
     assert isinstance(task, PostureTask)
     np.testing.assert_allclose(task.target[7:], found, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "set_to"),
+    [
+        ({"j1": 0.3, "j2": 0.5}, "j2 at -0.5, not 0.5"),
+        ({"j2": -0.5}, "j2 at 0.1, not -0.5"),
+        ({"j1": 0.3, "j2": -0.5002}, ""),  # rounded in the file
+        ({"j1": 0.3}, ""),
+    ],
+)
+def test_state_of_a_file_that_is_off_a_gear_is_noted(
+    tmp_path: Path, values: dict[str, float], set_to: str
+) -> None:
+    joints = "".join(f'<joint name="{key}" value="{value}"/>' for key, value in values.items())
+    file = tmp_path / "r.srdf"
+    file.write_text(f'<robot name="r"><group_state name="bent">{joints}</group_state></robot>')
+    notes = [note for note in Robot.load(GEARED, srdf=file).notes if "'bent'" in note]
+    told = "posture 'bent': joints follow their drivers in place of the file's values: "
+    assert notes == [told + set_to] * bool(set_to)
+
+
+def test_key_frame_that_is_off_an_equality_constraint_is_noted() -> None:
+    pytest.importorskip("mujoco")
+    body = '<inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>'
+    robot = Robot.load(
+        f'<mujoco><worldbody><body name="trunk"><freejoint/>{body}<body name="a"><joint name="j1"/>'
+        f'{body}<body name="b"><joint name="j2"/>{body}</body></body></body></worldbody>'
+        '<equality><joint joint1="j2" joint2="j1" polycoef=".1 -2 0 0 0"/></equality>'
+        '<keyframe><key name="bent" qpos="0 0 1 1 0 0 0 .3 .5"/></keyframe></mujoco>'
+    )
+    assert [note[-20:] for note in robot.notes if "'bent'" in note] == [" j2 at -0.5, not 0.5"]

@@ -32,10 +32,10 @@ from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import noted, warn_of
 from wbc.robot.payload import CarryingGeometry, Payload, payload_note
 from wbc.robot.postures import (
-    NEUTRAL,
     STANDING,
     close_postures,
     com_from_middle,
+    couple_postures,
     named_postures,
     put_on_ground,
     rename_neutral,
@@ -198,8 +198,7 @@ class Robot(KinematicTree):
         neutral = pin.neutral(model)
         neutral[:BASE_NQ] = description.base
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
-        for q in (q for key, q in postures.items() if key != NEUTRAL):
-            set_mimic_joints(limits, q, couplings)
+        posture_notes += couple_postures(limits, postures, states, couplings)
         own_loops = {} if loops is None else loops_of(loops)
         ties, loop_notes = loops_within(model, {**description.loops, **own_loops})
         if unactuated is None and ties:

@@ -25,6 +25,7 @@ from wbc.validate import Array, by_name
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 SAME_POSTURE = 0.7  # rad or m: a posture whose joints differ more is another one
+OFF_DRIVER = 1e-3  # rad or m: more than the rounding of a mimic joint's value in a file
 STANCE_WIDTH_COST = 10.0  # rad/m: cost of changing the distance between soles, by joint motion
 # Of the CoM's height: two soles farther apart than the first are narrowed to the second.
 WIDE_STANCE, NARROWED_STANCE = 0.7, 0.3
@@ -111,6 +112,33 @@ def set_mimic_joints(limits: JointLimits, q: Array, couplings: Mapping[str, Coup
         driver = q[limits.starts[limits.names.index(coupling.driver)]]
         k = limits.names.index(joint)
         q[limits.starts[k]] = limits.nearest(k, coupling.value(float(driver)))
+
+
+def couple_postures(
+    limits: JointLimits,
+    postures: Mapping[str, Array],
+    states: Mapping[str, State],
+    couplings: Mapping[str, Coupling],
+) -> tuple[str, ...]:
+    """Set mimic joints in all postures but ``neutral``, in place.
+
+    Return notes of values in the file's ``states`` that are not where their drivers put them.
+    """
+    notes = tuple[str, ...]()
+    for name, q in postures.items():
+        if name == NEUTRAL:
+            continue
+        before = limits.joint_positions(q.copy())  # which may be a view
+        set_mimic_joints(limits, q, couplings)
+        after, said = limits.joint_positions(q), states.get(name, {})
+        moved = [
+            f"{joint} at {after[k]:.4g}, not {before[k]:.4g}"
+            for k, joint in enumerate(limits.names)
+            if joint in said and joint in couplings and abs(after[k] - before[k]) > OFF_DRIVER
+        ]
+        told = f"posture {name!r}: joints follow their drivers in place of the file's values: {{}}"
+        notes += noted(told, moved)
+    return notes
 
 
 def close_postures(
