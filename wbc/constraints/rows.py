@@ -138,7 +138,8 @@ def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
     """Return the rows, relaxed where they would forbid that contacts correct their drift.
 
     The least velocity that meets the contacts, ``v = A' (A A')^-1 b``, is then feasible, with a
-    small interior, as v = 0 is. This amounts to micrometres in a tick.
+    small interior, as v = 0 is. This amounts to micrometres in a tick. Rows that forbid v = 0,
+    which are users' own, stay: giving them way would be to leave them out.
     """
     if not held or not bounds.lower.size:
         return bounds
@@ -149,7 +150,8 @@ def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
     square.flat[:: len(b) + 1] += 1e-12 * square.trace()  # contacts may repeat each other
     needed = bounds.matrix @ (A.T @ np.linalg.solve(square, b))
     needed -= 0.1 * demanded + INTERIOR
-    return bounds._replace(lower=np.minimum(bounds.lower, needed))
+    relaxed = np.minimum(bounds.lower, needed)
+    return bounds._replace(lower=np.where(bounds.lower > 0.0, bounds.lower, relaxed))
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:

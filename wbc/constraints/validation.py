@@ -73,6 +73,11 @@ def _checked(constraint: Constraint, method: str, found: object) -> Bounds:
         raise InvalidInputError(
             f"{what}: lower is above upper in row {labels[k]!r}; nothing is allowed"
         )
+    for k in np.flatnonzero((lower == np.inf) | (upper == -np.inf))[:1]:
+        raise InvalidInputError(
+            f"{what}: row {labels[k]!r} must lie between {lower[k]:g} and {upper[k]:g}, which no"
+            " number does"
+        )
     if slack is not None:
         slack = _ends(f"{what}, slack", slack, m)
         if (slack <= 0.0).any():
