@@ -145,6 +145,8 @@ def test_margins_ask_for_what_braking_can_reach() -> None:
     np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1, -0.1])
     assert found.push is not None
     np.testing.assert_allclose(found.push.target, [-1.0 + change, 5.0 * DT, 0.5 * DT])
+    other = reachable_rows(Bounds(bounds.labels, -rows, -bounds.upper, -bounds.lower), v, DT)
+    np.testing.assert_array_equal((other.lower, other.upper), (-found.upper, -found.lower))
     v[6] = 0.1  # on its way, faster than it should be: no harder back, either
     found = reachable_rows(bounds, v, DT)
     assert found.push is not None
