@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from wbc.constraints import Bounds, Constraint, Limits, support
+from wbc.constraints import Bounds, Constraint, Limits, Margin, support
+from wbc.constraints.rows import Distances
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
@@ -289,3 +290,66 @@ def test_what_a_constraint_raises_is_raised_with_its_name(hoap2) -> None:
     with pytest.raises(KeyError) as caught:
         controller.step(here)
     assert any("rows() of constraint 'box', a Box" in note for note in caught.value.__notes__)
+
+
+class Rope(Margin):
+    """The CoM stays below a height, until something else is put in its distances' place."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot, "rope", None)
+        self.change, self.curvature = lambda distances: distances, np.zeros(2)
+
+    def distances(self, snapshot, keys=None):
+        rise, below = np.array(snapshot.com_jacobian)[2], 0.5 - snapshot.com[2]
+        return self.change(
+            Distances(np.arange(2), np.array([below, 1.0]), -np.stack((rise, rise)), np.zeros(2))
+        )
+
+    def labels(self, distances):
+        return ("taut", "far")[: distances.keys.size]
+
+    def curvature_bound(self, distances, step):
+        return self.curvature
+
+
+WRONG_DISTANCES = {
+    **{("jacobian", how): WRONG["jacobian"][how] for how in WRONG["jacobian"]},
+    ("jacobian", "row missing"): lambda a: a[:1],
+    ("keys", "descending"): lambda a: a[::-1],
+    ("keys", "words"): lambda a: a.astype(str),
+    ("keys", "one too few"): lambda a: a[:1],
+    ("keys", "a number"): lambda a: 1,
+    ("clearance", "NaN"): lambda a: with_(a, 0, np.nan),
+    ("clearance", "minus infinity"): lambda a: with_(a, 0, -np.inf),
+    ("clearance", "masked"): lambda a: np.ma.array(a, mask=[True, False]),
+    ("rate", "a number"): lambda a: 0.0,
+    ("rate", "infinite"): lambda a: with_(a, 0, np.inf),
+}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize(("field", "how"), WRONG_DISTANCES)
+def test_odd_distances_of_a_margin_are_refused_by_name(hoap2, level: str, field, how) -> None:
+    rope, change = Rope(hoap2), place(field, WRONG_DISTANCES[field, how])
+    said = given_up(level, Mine(hoap2), change, part=rope, constraints=[rope])
+    assert said.startswith("constraint 'rope': distances()")
+    assert field in said or how == "one too few"
+
+
+@pytest.mark.parametrize("odd", [np.array([np.nan, 0.0]), np.full(2, -1.0), np.zeros(3), None])
+def test_odd_curvature_bounds_of_a_margin_are_refused(hoap2, odd) -> None:
+    """NaN left look-ahead out in silence."""
+    rope = Rope(hoap2)
+    controller, here = controller_of(hoap2, "velocity", Mine(hoap2), constraints=[rope])
+    controller.step(here)
+    rope.curvature = odd
+    with pytest.raises(InvalidInputError, match=r"'rope': curvature_bound\(\)"):
+        controller.step(here)
+
+
+def test_nothing_near_may_be_an_infinite_clearance(hoap2) -> None:
+    rope = Rope(hoap2)
+    controller, here = controller_of(hoap2, "velocity", Mine(hoap2), constraints=[rope])
+    rope.change = lambda distances: distances._replace(clearance=np.full(2, np.inf))
+    with np.errstate(all="raise"):
+        assert controller.step(here).ok

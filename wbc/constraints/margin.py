@@ -29,6 +29,7 @@ import numpy as np
 from wbc.attributes import DeclaredAttributes
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
+from wbc.constraints.validation import curvature_of, distances_of
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_kind, check_word
 from wbc.laws import Rows
@@ -158,12 +159,7 @@ class Margin(DeclaredAttributes, Constraint):
 
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return one row for each distance, bounded as the module says."""
-        found = self.distances(snapshot)
-        if not self._tested and isinstance(found, Distances):
-            # One's own may be in arrays that it fills anew at the end of the step.
-            rate = None if found.rate is None else np.array(found.rate)
-            clearance, jacobian = np.array(found.clearance), np.array(found.jacobian)
-            found = found._replace(clearance=clearance, jacobian=jacobian, rate=rate)
+        found = distances_of(self, self.distances(snapshot))
         return self._rows(found, dt)
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
@@ -188,7 +184,7 @@ class Margin(DeclaredAttributes, Constraint):
 
         A distance may end half a skin inside; one that began further inside may not shrink more.
         """
-        after = self.distances(there, self._keys_to_measure(rows, v, dt))
+        after = distances_of(self, self.distances(there, self._keys_to_measure(rows, v, dt)))
         lacking = self._missing_clearance(after, rows, dt)
         violated = np.flatnonzero(lacking)
         if not violated.size:
@@ -216,7 +212,8 @@ class Margin(DeclaredAttributes, Constraint):
         predicted += distances.clearance
         if distances.rate is not None:
             predicted += dt * distances.rate
-        predicted -= self.curvature_bound(distances, step)
+        bound = self.curvature_bound(distances, step)
+        predicted -= curvature_of(self, bound, predicted.size)
         return predicted
 
     def _keys_to_measure(self, rows: Bounds, v: Array, dt: float) -> Index | None:

@@ -15,6 +15,8 @@ from wbc.laws import Rows
 from wbc.robot import Snapshot
 from wbc.validate import Array, answer_of, real_array, returned_array
 
+FAR = 1e9  # m: clearances beyond it are as good as infinite, and can be subtracted
+
 
 def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: bool) -> Bounds:
     """Return the rows of a constraint; ``braked``: those for the torque level.
@@ -52,6 +54,56 @@ def check_rows(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
         As :func:`bounds_of` does; also of constraints of this package.
     """
     _checked(constraint, "rows", answer_of(constraint, "rows", constraint.rows, snapshot, dt))
+
+
+def distances_of(constraint: Constraint, found: object) -> Distances:
+    """Return what a margin's ``distances()`` returned, in arrays of its own if it is a user's.
+
+    Those may be filled anew at the end of the step. Clearances may be infinite: nothing is near.
+
+    Raises
+    ------
+    InvalidInputError
+        A user's margin returns something else; the message names the field.
+    """
+    if constraint._tested:
+        return cast(Distances, found)
+    nv, what = constraint.robot.nv, f"{constraint}: distances()"
+    if not isinstance(found, Distances):
+        raise InvalidInputError(
+            f"{what} must return Distances with keys (m,), clearance (m,), jacobian (m, {nv}) and"
+            f" rate (m,) or None; got {shown(found)}"
+        )
+    keys = np.asarray(found.keys)
+    whole = keys.dtype.kind in "iu" or not keys.size
+    if keys.ndim != 1 or not whole or (np.diff(keys) <= 0).any():
+        raise InvalidInputError(
+            f"{what}, keys: expected increasing whole numbers (m,), got {shown(found.keys)}"
+        )
+    m, rate = keys.size, found.rate
+    clearance = np.minimum(_ends(f"{what}, clearance", found.clearance, m), FAR)
+    return found._replace(
+        keys=keys.astype(np.int64),
+        clearance=returned_array(f"{what}, clearance", clearance, (m,)),
+        jacobian=returned_array(f"{what}, jacobian", found.jacobian, (m, nv)),
+        rate=None if rate is None else returned_array(f"{what}, rate", rate, (m,)),
+    )
+
+
+def curvature_of(constraint: Constraint, bound: object, m: int) -> Array:
+    """Return what a margin's ``curvature_bound()`` returned; a user's are checked.
+
+    With NaN or less than 0 in it, look-ahead would be left out.
+    """
+    if constraint._tested:
+        return cast(Array, bound)
+    what = f"{constraint}: curvature_bound()"
+    numbers = real_array(what, bound)
+    if numbers.shape not in ((m,), ()) or not (numbers >= 0.0).all():
+        raise InvalidInputError(
+            f"{what}: expected ({m},) numbers of at least 0, got {shown(bound)}"
+        )
+    return numbers
 
 
 def _checked(constraint: Constraint, method: str, found: object) -> Bounds:
