@@ -300,7 +300,7 @@ def test_a_missing_mesh_is_named() -> None:
 
 
 def test_no_shapes_at_all() -> None:
-    with pytest.raises(ModelError, match="no collision shapes"):
+    with pytest.raises(ModelError, match="no collision shapes; visual ones"):
         robot_bodies(robot_with(""))
     with pytest.raises(UnknownNameError, match="capsule"):
         robot_bodies(robot_with(""), "capsul")

@@ -97,8 +97,8 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
 def _as_named(robot: Robot, shapes: pin.GeometryModel) -> list[tuple[str, str, pin.GeometryObject]]:
     if not shapes.ngeoms:
         raise ModelError(
-            f"{robot.path}: no collision shapes; give the links <collision> elements (their"
-            " visual shapes are not used)"
+            f"{robot.path}: no collision shapes; visual ones are not used: give links <collision>"
+            " elements, or an MJCF geoms with a contype or conaffinity, or in a <pair> of two bodies"
         )
     objects = [shape for shape in shapes.geometryObjects if shape.parentJoint > 0]
     links = [str(robot.model.frames[shape.parentFrame].name) for shape in objects]
