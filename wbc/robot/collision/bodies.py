@@ -98,7 +98,7 @@ def _as_named(robot: Robot, shapes: pin.GeometryModel) -> list[tuple[str, str, p
     if not shapes.ngeoms:
         raise ModelError(
             f"{robot.path}: no collision shapes; visual ones are not used: give links <collision>"
-            " elements, or an MJCF geoms with a contype or conaffinity, or in a <pair> of two bodies"
+            " elements, or in MJCF geoms with a contype or conaffinity, or in a <pair>"
         )
     objects = [shape for shape in shapes.geometryObjects if shape.parentJoint > 0]
     links = [str(robot.model.frames[shape.parentFrame].name) for shape in objects]
