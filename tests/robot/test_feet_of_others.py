@@ -498,9 +498,13 @@ def test_locked_legs_are_told_and_turn_nothing_upside_down(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("turned", ["1.5707963 0 0", "0 1.5707963 0.4"])
-def test_a_lying_cylinder_stands_on_a_line(tmp_path: Path, turned: str) -> None:
-    """Not on a facet of the prism that stands for it, which is tilted by 11 degrees."""
-    roller = urdf.collision('cylinder radius="0.06" length="0.1"', "0 0 0", turned)
+@pytest.mark.parametrize("radius", [0.06, 0.02])
+def test_a_lying_cylinder_stands_on_a_line(tmp_path: Path, turned: str, radius: float) -> None:
+    """Not on a facet of the prism that stands for it, which is tilted by 11 degrees.
+
+    Nor on facets that are 1.5 mm higher, as of a thin one: that was a sole 15 mm wide.
+    """
+    roller = urdf.collision(f'cylinder radius="{radius}" length="0.1"', "0 0 0", turned)
     robot = Robot.load(biped(tmp_path, roller))
     for foot in robot.feet.values():
         assert len(foot.polygon) == 2

@@ -17,6 +17,7 @@ FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
 # first, a larger tilted face is searched; if the sole is smaller than the second, a note says so.
 FULL_SHARE, SMALL_SHARE = 0.5, 0.25
 LEAST_UPWARD = np.cos(np.deg2rad(30.0))  # of the normal of such a face
+LYING = 0.5  # of the vertical's part along a cylinder's axis, which then touches along a line
 FACE_SEARCHES = 2  # repetitions: the lowest points of round shapes depend on the face
 LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane, on a line, or one
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
@@ -43,6 +44,8 @@ def extreme_points(shape: object, up: Array) -> Array:
             return _ends(shape.halfLength) - float(shape.radius) * up
         case coal.Cylinder():
             rim = float(shape.radius) * _DISC @ _turn_to(up)
+            if abs(up[2]) < LYING:
+                rim = rim[:1]  # its neighbours are higher, by little if it is thin
             return np.concatenate([rim + end for end in _ends(shape.halfLength)])
         case coal.Cone():
             apex, base = _ends(shape.halfLength)
