@@ -242,6 +242,18 @@ def test_target_that_is_odd_is_refused_and_the_next_tick_is_as_before(hoap2, lev
     np.testing.assert_allclose(controller.step(here).velocity, before, atol=1e-9)
 
 
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("name", ["units", "reported_rows"])
+@pytest.mark.parametrize("odd", [None, "rad", lambda self: ("m", "m", "m"), (1, 2, 3)])
+def test_words_that_are_none_are_refused_when_the_controller_is_made(
+    hoap2, level: str, name: str, odd
+) -> None:
+    """A method where a property is asked for ended in "'method' object is not iterable"."""
+    kind = type("Odd", (Mine,), {name: odd})
+    with pytest.raises(InvalidInputError, match=f"task 'mine': {name}, a property: expected"):
+        controller_of(hoap2, level, kind(hoap2))
+
+
 # ---------------------------------------------------------------------------- constraints
 
 

@@ -271,6 +271,14 @@ def check_parts(
                 f"controller: a {type(constraint).__name__} has no name, which diagnostics call it"
                 " by; set self.name, a word, when it is made"
             )
+    for task in (*tasks, *contacts):
+        for name in ("reported_rows", "units"):  # in this order: units are those of the rows
+            words = getattr(task, name)
+            if not isinstance(words, tuple | list) or not all(isinstance(w, str) for w in words):
+                raise InvalidInputError(
+                    f"controller: {task}: {name}, a property: expected a tuple of words, got"
+                    f" {shown(words)}"
+                )
     for kind, names in (
         ("task", [task.name for task in tasks]),
         ("contact", [contact.name for contact in contacts]),
