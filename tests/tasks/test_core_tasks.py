@@ -208,7 +208,7 @@ class Short(Margin):
 
 
 def test_what_is_of_other_sizes_is_refused(hoap2, here) -> None:
-    with pytest.raises(InvalidInputError, match=r"short: distances\(\) must return clearances"):
+    with pytest.raises(InvalidInputError, match=r"'short': distances\(\), clearance"):
         Short(hoap2, "short", None).rows(here, DT)
     qp = KinematicController(hoap2, [PostureTask(hoap2, here.q)], contacts=()).step(here).qp
     none, n = np.zeros(0), qp.g.size
