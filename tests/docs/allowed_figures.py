@@ -55,6 +55,7 @@ ALLOWED: dict[str, dict[str, str]] = {
     },
     "docs/howto/in-the-air.md": {SHOWN: "90 degrees; 0.3 m; 4 rad/s; 0.10 s"},
     "docs/howto/look.md": {SHOWN: "1.9 times; 31 N", SETTINGS: "25 times"},
+    "docs/howto/own-constraint.md": {SETTINGS: "20 m/s^2"},
     "docs/howto/own-robot.md": {
         SETTINGS: "30 degrees; 20 m; 1 kg m^2", CONDITIONS: "10 s; 0.3 M omega d",
     },
