@@ -33,8 +33,9 @@ from wbc.robot.series import StateSeries, sole_series
 from wbc.rotations import headings
 from wbc.validate import Array
 
-# Iterations at most, and in all where the violation is already below NEARLY_FEASIBLE [m or rad].
-MAX_ITERATIONS, MAX_ITERATIONS_NEARLY, NEARLY_FEASIBLE = 14, 40, 5e-3
+# Iterations at most, and in all where the violation is already below NEARLY_FEASIBLE [m or rad] and
+# the damping below the last.
+MAX_ITERATIONS, MAX_ITERATIONS_NEARLY, NEARLY_FEASIBLE, STUCK_DAMPING = 14, 40, 5e-3, 1e3
 WEIGHT = 2e3  # of feet, limits and margins, by a leg's length or per rad
 EXCESS_FACTOR, JERK_FACTOR = 10.0, 10.0  # on the weights of the trajectory problem
 # Levenberg-Marquardt weight of displacements, and its factors after a better and a worse step.
@@ -95,7 +96,8 @@ def project_onto_constraints(
     for number in range(MAX_ITERATIONS_NEARLY):
         if now.found.feasible:
             return now.found
-        if number >= MAX_ITERATIONS and best.found.violation > NEARLY_FEASIBLE:
+        stuck = best.found.violation > NEARLY_FEASIBLE or damping > STUCK_DAMPING
+        if number >= MAX_ITERATIONS and stuck:
             break
         if stop_early and number >= EARLY_STOP_ITERATION and best.cost > EARLY_STOP_COST:
             break
