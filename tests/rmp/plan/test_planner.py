@@ -132,3 +132,15 @@ def test_verbose_prints_size_and_verdict(capfd: pytest.CaptureFixture[str]) -> N
     plan = solve(example("lean"), verbose=True)
     shown = capfd.readouterr().out
     assert f"{plan.stats.variables} variables" in shown and "Solve_Succeeded" in shown
+
+
+def test_what_is_no_problem_plan_or_count_is_refused() -> None:
+    problem = example("lean")
+    for build, message in (
+        (lambda: solve(None), "problem: expected a PlanProblem"),
+        (lambda: solve(problem, problem), "warm: expected a Plan or None"),
+        (lambda: solve(problem, iterations=20.5), "iterations: expected a whole number"),
+        (lambda: check(problem), "plan: expected a Plan"),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            build()

@@ -9,7 +9,7 @@ from tests.rmp.plan.conftest import HEIGHT, LIMITS, RADII
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import PlanPhase, PlanProblem, State, at_rest, rectangle
 from wbc.rmp.planar import PlanarRmp
-from wbc.rmp.solid import SolidRmp
+from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 
 STAND = PlanPhase("stand", 1.0, rectangle(0.0, 0.0, 0.2, 0.2), 8)
 FLY = PlanPhase("fly", 0.3, None, 8)
@@ -39,6 +39,13 @@ def problem(**changed: object) -> PlanProblem:
         ({"degree": 1}, "degree"),
         ({"periodic": (np.nan, 0.0)}, "periodic"),
         ({"pendulum": PlanarRmp(30.0)}, "r_1 = r_3"),
+        ({"pendulum": 30.0}, r"pendulum: expected SolidRmp\(mass\) or PlanarRmp\(mass\), got 30"),
+        ({"pendulum": EulerSolidRmp(30.0)}, "pendulum: expected SolidRmp"),
+        ({"schedule": STAND}, "schedule: expected a list of PlanPhase"),
+        ({"start": {"com": (0.0, 0.0, HEIGHT)}}, "start: expected a State, such as"),
+        ({"goal": None}, "goal: expected a State"),
+        ({"limits": {"friction": 0.6}}, "limits: expected a PathLimits"),
+        ({"weights": {"com": 2.0}}, "weights: expected a Weights"),
     ],
 )
 def test_contradictions_are_refused(changed: dict[str, object], message: str) -> None:

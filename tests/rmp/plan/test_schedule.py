@@ -19,6 +19,8 @@ SQUARE = rectangle(0.0, 0.0, 0.2, 0.2)
         (lambda: PlanPhase("a", 1.0, ((0, 0), (1, 0), (0.2, 0.2), (0, 1))), "convex"),
         (lambda: PlanPhase("a", 1.0, SQUARE, 0), "intervals"),
         (lambda: PlanPhase("", 1.0, SQUARE), "name"),
+        (lambda: PlanPhase("a", 1.0, SQUARE, limits={"friction": 0.6}), "'a': limits: expected"),
+        (lambda: PlanPhase("a", 1.0, SQUARE, end=(0.0, 0.0, 0.7)), "'a': end: expected a State"),
         (lambda: PathLimits(leg_length=(0.0, 1.0)), "leg_length"),
         (lambda: PathLimits(radius=(0.3, 0.1)), "radius"),
         (lambda: PathLimits(friction=-1.0), "friction"),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from wbc.kinds import check_kind
 from wbc.polygon import polygon_margin
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.plan import Plan, Trajectory
@@ -112,6 +113,7 @@ def check(plan: Plan, factor: int = 2) -> Check:
     InvalidInputError
         A factor below 1.
     """
+    check_kind("check: plan", plan, Plan)
     fine = plan.refined(factor)
     excesses = _ends(plan)
     drift, lost = 0.0, []

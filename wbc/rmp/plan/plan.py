@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.placement import from_mrp
 from wbc.rmp.plan.layout import PlanLayout, lay_out, units_of
 from wbc.rmp.plan.motion import (
@@ -124,8 +125,7 @@ class Plan:
         InvalidInputError
             A factor below 1.
         """
-        if factor < 1:
-            raise InvalidInputError(f"plan: factor must be 1 at least, got {factor}")
+        factor = whole_number("plan: factor", factor, least=1)
         phases, intervals, parts, times = [], [], [], []
         for k, phase in enumerate(self.problem.schedule):
             count = phase.intervals * factor

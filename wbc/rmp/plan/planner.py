@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, WbcError
+from wbc.kinds import check_kind, whole_number
 from wbc.rmp.plan.check import UNITS, Excess, check
 from wbc.rmp.plan.layout import scale_of, units_of
 from wbc.rmp.plan.nlp import PlanNlp, elastic
@@ -97,8 +98,9 @@ def solve(
         Limits that exclude each other, a warm start with other phases, or numbers that IPOPT
         cannot start on.
     """
-    if iterations < 1:
-        raise InvalidInputError(f"solve: iterations must be 1 at least, got {iterations}")
+    check_kind("solve: problem", problem, PlanProblem)
+    check_kind("solve: warm", warm, Plan, or_none=True)
+    iterations = whole_number("solve: iterations", iterations, least=1)
     began = process_time()
     t = transcribe(problem)
     start, duals = first_guess(t), None

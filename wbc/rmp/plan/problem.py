@@ -8,12 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
+from wbc.kinds import check_kind
 from wbc.polygon import polygon_margin
 from wbc.rmp.plan.schedule import STATE, PathLimits, PlanPhase, State, overlap
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import UNIT, SolidRmp
-from wbc.validate import Array, check_fields, finite_vector, set_fields
+from wbc.validate import Array, check_fields, finite_vector, list_of, set_fields
 
 Pendulum = PlanarRmp | SolidRmp
 # Rounding allowed in comparisons with limits.
@@ -104,11 +105,22 @@ class PlanProblem:
     degree: int = 4  # of the polynomial of the orientation in each interval; all else is exact
 
     def __post_init__(self) -> None:
+        if not isinstance(self.pendulum, Pendulum):
+            raise InvalidInputError(
+                f"plan: pendulum: expected SolidRmp(mass) or PlanarRmp(mass), got"
+                f" {shown(self.pendulum)}"
+            )
+        for name in ("start", "goal", "nominal"):
+            check_kind(f"plan: {name}", getattr(self, name), State, "State(com=(0.0, 0.0, 0.7))")
+        check_kind("plan: limits", self.limits, PathLimits, "PathLimits(friction=0.6)")
+        check_kind("plan: weights", self.weights, Weights, "Weights(com=2.0)")
+        example = "PlanPhase(name, duration, support)"
+        schedule = list_of("plan: schedule", self.schedule, PlanPhase, example)
         if self.pendulum.gravity == 0.0:
             raise InvalidInputError(
                 "plan: gravity must be positive; without it no stance holds and nothing lands"
             )
-        set_fields(self, schedule=tuple(self.schedule))
+        set_fields(self, schedule=schedule)
         if self.periodic is not None:
             stride = finite_vector("plan: periodic", self.periodic, 2)
             set_fields(self, periodic=tuple(stride.tolist()))
@@ -176,9 +188,6 @@ def _check_schedule(problem: PlanProblem) -> None:
     schedule = problem.schedule
     if not schedule:
         raise InvalidInputError("schedule: needs at least one phase")
-    for phase in schedule:
-        if not isinstance(phase, PlanPhase):
-            raise InvalidInputError(f"schedule: expected phases, got {phase!r}")
     names = [phase.name for phase in schedule]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.polygon import checked_polygon, convex_hull, half_planes
 from wbc.validate import (
     Array,
@@ -248,6 +249,10 @@ class PlanPhase:
             raise InvalidInputError(
                 f"{where}: intervals must be an integer from 1 to {MOST_INTERVALS}, got {n!r}"
             )
+        check_kind(
+            f"{where}: limits", self.limits, PathLimits, "PathLimits(friction=0.6)", or_none=True
+        )
+        check_kind(f"{where}: end", self.end, State, "State(com=(0.0, 0.0, 0.7))")
         set_fields(self, duration=_duration(where, self.duration))
         if self.support is not None:
             try:
