@@ -1,6 +1,7 @@
 """Closed loops against integration of the paper's equations, and moments against momenta."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -200,8 +201,11 @@ def test_every_ending(kind: str) -> None:
     run(hold * 1.5, Ending.FELL, "out of [0.5, 1]", bounds=LawBounds(leg_length=(0.5, 1.0)))
     assert run(0.0 * hold, Ending.CONTACT_LOST, "push up") == 0
     run(0.0 * hold, Ending.COMPLETE, "", 0.2, pivot=True)
-    assert run(hold * np.nan, Ending.LAW_FAILED, "not finite") == 0
-    assert run(hold[1:], Ending.LAW_FAILED, "wrong size") == 0
+    assert run(hold * np.nan, Ending.LAW_FAILED, "force: NaN") == 0
+    assert run(hold[1:], Ending.LAW_FAILED, "force: expected shape") == 0
+    for command in (None, hold):
+        law = SimpleNamespace(model=model, command=lambda *_, given=command: given)
+        assert "expected a PendulumCommand" in simulate(law, q, still, 0.1).note
     run(1e9 * np.ones_like(hold), Ending.DIVERGED, "not finite any more", pivot=True)
     drawn = hold.copy()
     drawn[-1] -= 30.0
@@ -334,6 +338,9 @@ def test_another_plant_stop_and_progress() -> None:
         ({"v0": np.full(5, np.nan)}, "v: NaN"),
         ({"v0": np.zeros(4)}, "v: expected shape"),
         ({"plant": SOLID}, "cannot stand for"),
+        ({"fallen": 10.0}, "fallen: 10 rad .* is it in rad"),
+        ({"pivot": "no"}, "pivot: expected True or False"),
+        ({"stop": 0.5}, "stop: expected a function"),
         ({"bounds": LawBounds(polygon=((0, 0), (1, 0), (0, 1)))}, "polygon"),
         ({"pushes": [Blow(0.5, (1, 0, 0))]}, "impulse at 0.5"),
         ({"pushes": [Blow(1.0, (1, 0))]}, "not before the end"),

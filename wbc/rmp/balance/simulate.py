@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError, shown
-from wbc.kinds import check_kind
+from wbc.kinds import check_callable, check_kind, switch
 from wbc.rmp.balance.foot import ground_loads, require_support
 from wbc.rmp.balance.law import BalanceLaw, LawBounds, Pendulum, PendulumCommand
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
@@ -130,9 +130,13 @@ def simulate(
             f" command(q, v, time), got {shown(law)}"
         )
     check_kind("bounds", bounds, LawBounds, "LawBounds()", or_none=True)
-    bounds = bounds or LawBounds()
+    check_callable("stop", stop, "(time, q, v, command)")
+    check_callable("progress", progress, "the time")
+    bounds, pivot = bounds or LawBounds(), switch("pivot", pivot)
     steps = whole_steps(duration, dt)
     model, fallen = plant or law.model, finite_number("fallen", fallen)
+    if abs(fallen) > 0.5 * math.pi:
+        raise InvalidInputError(f"fallen: {fallen:g} rad is beyond the vertical; is it in rad?")
     if type(model) is not type(law.model):
         raise InvalidInputError(
             f"plant: a {type(model).__name__} cannot stand for the law's"
@@ -190,10 +194,10 @@ class _Run:
             command = self.law.command(q, v, time)
         except WbcError as error:
             return Ending.LAW_FAILED, f"at {time:g} s the law refused: {error}"
-        u = self._input(command)
-        if u is None:
-            note = f"at {time:g} s the law's command is not finite, or of the wrong size"
-            return Ending.LAW_FAILED, note
+        try:
+            u = self._input(command)
+        except InvalidInputError as error:
+            return Ending.LAW_FAILED, f"at {time:g} s the law's command is unusable: {error}"
         if stop is not None and stop(time, q, v, command):
             return Ending.COMPLETE, f"stopped at {time:g} s as asked"
         after, push, leg = self._step(x, u)
@@ -234,12 +238,10 @@ class _Run:
             note=note,
         )
 
-    def _input(self, command: PendulumCommand) -> Array | None:
-        w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
-        if w.shape != (self.model.COP,) or f.shape != (len(self.model.F),):
-            return None
-        u: Array = np.concatenate((w, f)).astype(float)
-        return u if np.isfinite(u).all() else None
+    def _input(self, command: PendulumCommand) -> Array:
+        check_kind("command", command, PendulumCommand)
+        w = finite_vector("cop_acceleration", command.cop_acceleration, self.model.COP)
+        return np.concatenate((w, finite_vector("force", command.force, len(self.model.F))))
 
     def _ending(self, time: float, leg: float, height: float) -> tuple[Ending, str] | None:
         low, high = self.bounds.leg_length
