@@ -183,6 +183,8 @@ def test_a_filter_takes_no_feet_in_the_air_and_no_numbers_that_are_none() -> Non
             np.eye(3), np.zeros(3), covariance=np.triu(np.ones((15, 15)))
         ),
         "filter, gate": lambda: f.correct(0, place, np.eye(6), gate=np.nan),
+        "filter, gate: expected a number": lambda: f.correct(0, place, np.eye(6), gate="3"),
+        "filter, rotation: expected True": lambda: f.correct(0, place, np.eye(6), rotation="no"),
         "filter, scale": lambda: f.predict(np.zeros(3), np.zeros(3), 0.01, scale=-1.0),
     }
     for said, wrong in refused.items():

@@ -234,6 +234,18 @@ def test_a_clock_that_jumped_back_is_said_once(
     fed(e, sent[400:])
 
 
+def test_a_mount_in_mm_and_a_delay_in_ms_are_doubted(
+    hoap2: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A robot that stood was 2.5 m off, and moved at 0.4 m/s, in silence."""
+    settings = EstimatorSettings(encoder_delay=1.0)
+    StateEstimator(hoap2, ImuMount("chest", "torso", position=(0.0, 0.0, 83.0)), settings)
+    assert caplog.messages == [
+        "estimator: IMU 'chest' is mounted 83 m from 'torso'; is its position in m?",
+        "estimator: encoders are 1 s late (encoder_delay); is it in s?",
+    ]
+
+
 def test_a_mount_by_which_soles_stand_on_edge_is_doubted(
     hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -421,6 +433,8 @@ def test_what_it_cannot_be_is_a_typed_error(
         StateEstimator(hoap2, dt=1e-9)  # 1.3 TB of them
     with pytest.raises(InvalidInputError, match="estimator, history"):
         EstimatorSettings(history=-1)
+    with pytest.raises(InvalidInputError, match="estimator, noise: expected a FilterNoise"):
+        EstimatorSettings(noise={"creep": 1e-3})  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="are its units g"):
         e = StateEstimator(hoap2, settings=EstimatorSettings(standing_time=0.01))
         for k in range(10):

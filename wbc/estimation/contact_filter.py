@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.kinds import check_kind, whole_number
+from wbc.kinds import check_kind, switch, whole_number
 from wbc.native import doubles, ffi, integers, lib
 from wbc.rotations import check_rotation
 from wbc.validate import Array, check_fields, finite_array, finite_number
@@ -273,9 +273,10 @@ class ContactFilter:
             The innovation has no covariance, as with noise 0; something is NaN, or of another
             shape; no such foot, or none in contact.
         """
-        k, arrays, rows = self._held_foot(k), _foot_arrays(place, noise), (6 if rotation else 3)
-        if not gate >= 0.0:
-            raise InvalidInputError(f"filter, gate: must be at least 0, got {gate:g}")
+        k, arrays = self._held_foot(k), _foot_arrays(place, noise)
+        rows = 6 if switch("filter, rotation", rotation) else 3
+        if not (isinstance(gate, float) and gate == np.inf):
+            gate = finite_number("filter, gate", gate, least=0.0)
         out = doubles(self._result)
         status = lib.wbc_filter_correct(self.struct, k, *map(doubles, arrays), rows, gate, out)
         if status == lib.NOT_FINITE:

@@ -38,6 +38,8 @@ from wbc.robot.model import check_robot
 from wbc.validate import Array, list_of
 
 OLD_MESSAGES_WARNING = 50  # number of messages in a row dropped for their age before a warning
+FAR_MOUNT = 2.0  # m: no IMU is that far from the frame that carries it
+LONG_DELAY = 0.2  # s: no encoder is that late
 
 
 class StateEstimator:
@@ -97,6 +99,7 @@ class StateEstimator:
         names = [one.name for one in self.imus]
         if len(set(names)) < len(names):
             raise InvalidInputError(f"estimator, imus: names must differ, got {names}")
+        _doubt_units(self.imus, self.settings)
         window = self.settings.velocity_window
         joints = robot.nv - BASE_NV
         self.velocity_delay = JointVelocityFilter(joints, window, dt).delay
@@ -314,3 +317,19 @@ class StateEstimator:
                 f"{self._start.interval_note}"
             )
         return "estimator: the estimate is not finite; reset it"
+
+
+def _doubt_units(imus: Sequence[ImuMount], settings: EstimatorSettings) -> None:
+    """Warn of mounts in mm and of a delay in ms: the estimate would be metres off, in silence."""
+    logger = logging.getLogger(__name__)
+    for imu in imus:
+        distance = float(np.linalg.norm(imu.mount.position))
+        if distance > FAR_MOUNT:
+            logger.warning(
+                "estimator: IMU %r is mounted %.3g m from %r; is its position in m?",
+                *(imu.name, distance, imu.frame),
+            )
+    if settings.encoder_delay > LONG_DELAY:
+        logger.warning(
+            "estimator: encoders are %g s late (encoder_delay); is it in s?", settings.encoder_delay
+        )

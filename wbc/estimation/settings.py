@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from wbc.estimation.contact_filter import FilterNoise
-from wbc.kinds import whole_number
+from wbc.kinds import check_kind, whole_number
 from wbc.validate import check_fields, interval, set_fields
 
 POSITIVE = (
@@ -88,6 +88,7 @@ class EstimatorSettings:
 
     def __post_init__(self) -> None:
         what = "estimator, "
+        check_kind("estimator, noise", self.noise, FilterNoise, "FilterNoise(creep=0.002)")
         check_fields(self, what, *POSITIVE, above=0.0)
         check_fields(self, what, "encoder_delay", "settle", "sliding", "timeout", least=0.0)
         shares = {key: interval(f"estimator {key}", getattr(self, key)) for key in LOADS}
