@@ -58,6 +58,20 @@ def test_limits_that_nothing_can_exceed_or_keep_are_refused(wrong: dict[str, Any
         replace(LIMITS, **wrong)
 
 
+def test_limits_may_be_lists_and_nobody_changes_them() -> None:
+    """Lists ended in a TypeError at the first reading; arrays were the caller's own."""
+    arrays = ("lower", "upper", "velocity", "effort", "kp", "kd", "torque_rate")
+    own = np.array(LIMITS.effort)
+    lists = {name: getattr(LIMITS, name).tolist() for name in arrays}
+    limits = replace(LIMITS, **lists | {"effort": own})
+    own[:] = 1e9
+    safety = Safety(limits, [1.0] * N, DT)
+    safety.measured(reading(torque=np.full(N, 1e6)))
+    safety.judge(0.0)
+    assert safety.present == (Fault.OVERLOAD,)
+    assert not any(getattr(limits, name).flags.writeable for name in arrays)
+
+
 def test_tilt_does_not_depend_on_how_long_the_axis_is_written() -> None:
     """By 1 rad about x; more than 0.8. Twice the axis would have had twice the cosine, 1.08."""
     leaning = reading(quaternion=np.array((np.sin(0.5), 0.0, 0.0, np.cos(0.5))))
@@ -106,11 +120,18 @@ def test_command_of_another_size_is_a_fault_and_the_last_one_is_held(torque: Any
 def test_reading_of_another_size_is_of_no_use_and_said(wrong: dict[str, Any]) -> None:
     useful, (found,) = SensorChecks(ROBOT).look_at(reading(**wrong), 0.0)
     assert not useful and found.fault is Fault.NOT_FINITE
-    if not {"quaternion", "specific_force"} & set(wrong):
+    if "specific_force" not in wrong:
         safety = standing_up()
         safety.measured(reading(**wrong))
         safety.judge(0.0)
         assert safety.present == (Fault.NOT_FINITE,)
+
+
+def test_a_reading_without_an_orientation_is_not_upright() -> None:
+    safety = standing_up()
+    safety.measured(reading(quaternion=np.zeros(4)))
+    safety.judge(0.0)
+    assert safety.present == (Fault.NOT_FINITE,)
 
 
 def test_held_command_keeps_the_efforts_of_a_joint_that_moved_on() -> None:

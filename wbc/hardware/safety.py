@@ -193,8 +193,8 @@ class Safety:
         self.mode = Mode.IDLE
         self.events = deque[Event](maxlen=1000)
         self.counts = Counter[Fault]()
-        self._brake = Command.damping(np.minimum(damping, limits.kd))
-        self._off = Command.damping(damping, enabled=False)
+        self._brake = Command.damping(np.minimum(self.damping, limits.kd))
+        self._off = Command.damping(self.damping, enabled=False)
         self._reported = dict[Fault, str]()  # reported in this cycle
         self._fault_time = dict[Fault, float]()  # tolerated so far [s]
         self._measured: tuple[Array, Array] | None = None
@@ -269,6 +269,10 @@ class Safety:
             return
         if not (np.abs([q, v]) < MAX_MAGNITUDE).all():  # NaN, too
             self.report(Fault.NOT_FINITE, "position or velocity")
+            return
+        turns = rows_of(4, reading.quaternion)
+        if turns is None or not turns.any():  # zeros would count as upright
+            self.report(Fault.NOT_FINITE, "orientation")
             return
         self._measured = q, v
         overrun = np.maximum(q - limits.upper, limits.lower - q)

@@ -9,7 +9,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import rows_of
 from wbc.robot import Robot
-from wbc.validate import Array, check_fields, finite_array, names_of, set_fields
+from wbc.validate import Array, check_fields, finite_array, names_of, read_only, set_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +69,15 @@ class SafetyLimits:
             value = finite_array(f"{what}{name}", getattr(self, name), (n,))
             if not (value >= 0.0).all():
                 raise InvalidInputError(f"{what}{name}: must not be negative")
+            set_fields(self, **{name: read_only(value)})
         ranges = rows_of(n, self.lower, self.upper, self.velocity)
         if ranges is None or not (ranges[0] <= ranges[1]).all() or not (ranges[2] > 0.0).all():
             raise InvalidInputError(
                 f"{what}lower, upper, velocity: expected {n} numbers each, lower at most upper,"
                 " velocity above 0"
             )
+        joints = zip(("lower", "upper", "velocity"), ranges, strict=True)
+        set_fields(self, **{name: read_only(row) for name, row in joints})
         if self.hot < self.warm or self.tilt > np.pi:
             raise InvalidInputError(f"{what}hot, tilt: must be at least warm, and at most pi")
         up = finite_array(f"{what}up", self.up, (3,))
