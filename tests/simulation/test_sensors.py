@@ -164,3 +164,8 @@ def test_mistakes_are_typed(options: dict[str, float], words: str) -> None:
 def test_a_delay_is_a_multiple_of_the_physics_step() -> None:
     with pytest.raises(InvalidInputError, match=r"delay.* multiple"):
         Plant(load("hoap2_like"), sensors=Sensors(delay=0.0015))
+
+
+def test_a_delay_in_ms_is_doubted(caplog: pytest.LogCaptureFixture) -> None:
+    Plant(load("hoap2_like"), sensors=Sensors(delay=2.0, latency=0.1))
+    assert caplog.messages == ["sensors: a delay of 2 s; is it in s?"]

@@ -25,7 +25,7 @@ from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touc
 from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import Push, push_point
-from wbc.simulation.sensors import Measurements, Sensors
+from wbc.simulation.sensors import Measurements, Sensors, doubt_delays
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
@@ -131,6 +131,7 @@ class Plant:
         self.sensors, self.mismatch = sensors, mismatch
         self._delay = self._substeps("sensors, delay", sensors.delay, least=0)
         self._latency = self._substeps("sensors, latency", sensors.latency, least=0)
+        doubt_delays(sensors)
         terrain = terrain or (Terrain() if friction is None else Terrain(friction=friction))
         self.terrain = terrain
         self.hands = check_hands("plant", hands)

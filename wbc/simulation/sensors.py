@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -9,8 +10,11 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.notes import NOTED
 from wbc.simulation.mismatch import seed_number
 from wbc.validate import Array, check_fields, set_fields
+
+LONG_DELAY = 0.2  # s: no robot stands by states or torques that old
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,15 @@ class Sensors:
 
 def _noises() -> list[str]:
     return [one.name for one in fields(Sensors) if one.name.endswith(("_noise", "_bias"))]
+
+
+def doubt_delays(sensors: Sensors) -> None:
+    """Warn of delays that no robot stands with: they may be in ms."""
+    for name in ("delay", "latency"):
+        if getattr(sensors, name) > LONG_DELAY:
+            logging.getLogger(__name__).warning(
+                "sensors: a %s of %g s; is it in s?", name, getattr(sensors, name), extra=NOTED
+            )
 
 
 class Measurements:
