@@ -129,6 +129,11 @@ class GaitSettings:
         chosen.setdefault("least_width", min(narrow, chosen["width"]))
         lift = 0.5 * chosen["single"] * legs.lift_speed  # what slow knees can lift
         chosen.setdefault("clearance", min(CLEARANCE * height, lift))
+        if chosen["clearance"] > legs.length:
+            raise InvalidInputError(
+                f"gait, clearance: feet {chosen['clearance']:g} m above the ground would be above"
+                f" the hips; give less than {legs.length:.3g} m"
+            )
         chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(height))
         return cls(**chosen, gravity=legs.gravity)
 
