@@ -1,5 +1,7 @@
 """Devices of a simulated robot, and a robot that is controlled by what they tell."""
 
+import copy
+import pickle
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -140,6 +142,24 @@ def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap2: Robot) -> N
         plant.reset(hoap2.posture(), np.ones(hoap2.nv))
     with pytest.raises(InvalidInputError, match="plant, sensors"):
         SensedPlant(hoap2, sensors=Sensors(position_noise=1e-3))
+
+
+@pytest.mark.parametrize("how", [copy.copy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_goes_on_by_itself(hoap2: Robot, how: Callable[[SensedPlant], SensedPlant]) -> None:
+    """It could not be copied, as other plants can: TypeError, of a struct of the core."""
+    plant = SensedPlant(hoap2, devices=Devices(seed=3))
+    idle = np.zeros(hoap2.nv - 6)
+    for _ in range(5):
+        plant.step(idle)
+    other = how(plant)
+    ends = []
+    for one in (plant, other):
+        for _ in range(10):
+            one.step(idle)
+        measured = one.measure()
+        assert measured is not None
+        ends.append(measured[0].tobytes() + measured[1].tobytes())
+    assert ends[0] == ends[1]
 
 
 def problem(folder: Path, simulation: str) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +34,7 @@ class MountedFrames:
     """
 
     def __init__(self, robot: Robot, mounts: Sequence[Mount]) -> None:
-        self.robot = robot
+        self.robot, self._mounts = robot, tuple(mounts)
         tree = robot.native.tree
         self._tree, self._count = tree, len(mounts)
         self._joints, self._placements = mounted_places(robot, mounts)
@@ -43,6 +43,13 @@ class MountedFrames:
         self._state = np.zeros(tree.frames)
         self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
         self.frames = np.zeros((len(mounts), tree.frame_size))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return constructor, arguments and frames: the core's struct cannot be pickled."""
+        return type(self), (self.robot, self._mounts), self.frames
+
+    def __setstate__(self, frames: Array) -> None:
+        self.frames[:] = frames
 
     def update(self, positions: Array) -> None:
         """Compute them at joint positions (nv-6,) [rad or m], the base at the origin, upright."""
