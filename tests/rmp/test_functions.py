@@ -12,6 +12,8 @@ import pytest
 
 from tests.command import wbc_command
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.rmp.balance.law import LawBounds
+from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.functions import export_c
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
@@ -25,6 +27,18 @@ def test_a_copied_or_pickled_pendulum_is_the_same(kind: type[PlanarRmp]) -> None
         assert repr(other) == repr(model)
         found, expected = (one.functions["mass_matrix"](q).full() for one in (other, model))
         np.testing.assert_array_equal(found, expected)
+
+
+def test_a_copied_or_pickled_law_commands_the_same() -> None:
+    """Laws of processes: a flat foot's ended in a TypeError of a SwigPyObject."""
+    model = SolidRmp(35.0)
+    q, v = np.array((0.0, 0.0, 1.55, 0.01, 0.7, 0.0, 0.0, 0.0, 1.0, 0.2, 0.2, 0.2)), np.zeros(11)
+    sole = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
+    bounds = LawBounds(polygon=sole, wheel_torque=50.0, wheel_angle=0.6)
+    law = MomentumQp(model, bounds, (0.0, 0.0, 0.7), (0.2, 0.2, 0.2), 2e-3)
+    expected = law.command(q, v, 0.0).force
+    for other in (copy.deepcopy(law), pickle.loads(pickle.dumps(law))):
+        np.testing.assert_array_equal(other.command(q, v, 0.0).force, expected)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import errno
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -28,6 +28,7 @@ class Evaluator:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        self._function = function
         # CasADi's type stubs know less of buffers than CasADi does.
         buffer: Any = function.buffer()
         self._memory, self._evaluate = buffer
@@ -41,6 +42,10 @@ class Evaluator:
             self._memory.set_arg(k, memoryview(column.data))
         for k, matrix in enumerate(self._outputs):
             self._memory.set_res(k, memoryview(matrix.data))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[ca.Function]]:
+        """Copy and pickle the Function: the arrays are at addresses of their own."""
+        return type(self), (self._function,)
 
     def __call__(self, *arguments: Array) -> tuple[Array, ...]:
         """Return the results, (rows,) or (rows, columns); sizes of arguments are not checked."""
