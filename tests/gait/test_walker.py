@@ -36,6 +36,10 @@ def test_forces_that_are_none_are_a_typed_error(hoap2: Robot) -> None:
     for bad in ({}, {"left_sole": [1.0], "right_sole": [[1.0], [2.0, 3.0]]}, [1.0], np.zeros(6)):
         with pytest.raises(InvalidInputError, match="walker, force"):
             walker.prepare(here, bad)  # type: ignore[arg-type]
+    by_foot = dict.fromkeys(("left", "right"), np.zeros(6))
+    for bad, said in (({}, "without any give None"), (by_foot, "'left_sole', only on left, right")):
+        with pytest.raises(InvalidInputError, match=said):
+            walker.prepare(here, bad)
 
 
 def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> None:

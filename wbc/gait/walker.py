@@ -512,9 +512,15 @@ class Walker:
         given = by_name("walker, forces", forces)
         wrenches: dict[str, Array] = {}
         for foot, frame in self._frames.items():
-            wrench = plain_copy(given.get(frame), (6,))
+            if frame not in given:
+                raise InvalidInputError(
+                    f"walker, forces: there is none on {frame!r}, only on {', '.join(given)}"
+                    if given
+                    else "walker, forces: there are none; without any give None, not {}"
+                )
+            wrench = plain_copy(given[frame], (6,))
             if wrench is None:
-                wrench = finite_vector(f"walker, force on {frame!r}", given.get(frame, ()), 6)
+                wrench = finite_vector(f"walker, force on {frame!r}", given[frame], 6)
             wrenches[foot] = wrench
         return wrenches
 
