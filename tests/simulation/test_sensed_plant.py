@@ -28,6 +28,7 @@ from wbc.simulation import (
     Sensors,
     simulate,
 )
+from wbc.simulation.estimate_errors import EstimateErrors
 from wbc.simulation.sensors_reading import Sensing
 
 TURNED = exp_rotation(np.array((0.3, -0.5, 1.2)))
@@ -160,6 +161,19 @@ def test_a_copy_goes_on_by_itself(hoap2: Robot, how: Callable[[SensedPlant], Sen
         assert measured is not None
         ends.append(measured[0].tobytes() + measured[1].tobytes())
     assert ends[0] == ends[1]
+
+
+def test_an_error_of_the_height_is_told(hoap2: Robot) -> None:
+    """It was in no line: "position by 2 mm" of a base that was told to be 19 mm lower."""
+    plant = SensedPlant(hoap2)
+    plant.step(np.zeros(hoap2.nv - 6))
+    q, v = plant.state()
+    estimate = plant.estimate
+    assert estimate is not None
+    errors = EstimateErrors()
+    errors.add(estimate, np.array([*estimate.q[:2], estimate.q[2] + 0.019, *q[3:]]), v)
+    assert errors.rise == pytest.approx(-0.019)
+    assert str(errors).endswith("position by 0 mm, height by -19 mm")
 
 
 def problem(folder: Path, simulation: str) -> Path:

@@ -23,11 +23,13 @@ class EstimateErrors:
         so that its sway hardly counts.
     drift, yaw:
         Horizontal error of the position [m] and of the heading [rad] at the last estimate.
+    rise:
+        Error of the base's height at the last estimate [m].
     """
 
     def __init__(self) -> None:
         self.count = 0
-        self.way = self.drift = self.yaw = 0.0
+        self.way = self.drift = self.yaw = self.rise = 0.0
         self._squares = np.zeros(5)  # velocity, tilt; normalised: velocity, tilt, and innovation
         self._rows = 0
         self._last_place: tuple[float, Array] | None = None
@@ -48,7 +50,7 @@ class EstimateErrors:
         self._rows += estimate.innovation[1]
         self.count += 1
         self.drift = math.hypot(*(estimate.q[:2] - q[:2]).tolist())
-        self.yaw = float(rotation[2])
+        self.yaw, self.rise = float(rotation[2]), float(estimate.q[2] - q[2])
         if self._last_place is None or estimate.time - self._last_place[0] >= 0.25:
             if self._last_place is not None:
                 self.way += math.hypot(*(q[:2] - self._last_place[1]).tolist())
@@ -80,5 +82,6 @@ class EstimateErrors:
         return (
             f"estimated state: velocity off by {self.velocity:.3f} m/s (rms), tilt by"
             f" {math.degrees(self.tilt):.2f} degrees; in the end heading by"
-            f" {math.degrees(self.yaw):.1f} degrees, position by {1e3 * self.drift:.0f} mm{share}"
+            f" {math.degrees(self.yaw):.1f} degrees, position by {1e3 * self.drift:.0f} mm{share},"
+            f" height by {1e3 * self.rise:+.0f} mm"
         )
