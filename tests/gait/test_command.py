@@ -144,7 +144,9 @@ def test_limits_that_are_assigned_are_limits(hoap2: Robot) -> None:
 def test_a_posture_that_does_not_stand_is_refused(hoap2: Robot) -> None:
     lies = hoap2.posture("standing")
     lies[3:7] = 0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)
-    with pytest.raises(InvalidInputError, match=r"posture: the .* sole is tilted by 90 degrees"):
+    with pytest.raises(
+        InvalidInputError, match=r"sole is tilted by 90 degrees; .* at most 19 degrees"
+    ):
         Walker(hoap2, posture=lies)
 
 

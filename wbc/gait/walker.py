@@ -196,7 +196,8 @@ class Walker:
             if tilt > MAX_TILT:
                 raise InvalidInputError(
                     f"walker, posture: the {foot} sole is tilted by {tilt:.0f} degrees; give a"
-                    " posture that stands on both"
+                    f" posture that stands on both, on ground of at most {MAX_TILT:.0f} degrees"
+                    f" (a slope of {MAX_SLOPE:g}, rise over run)"
                 )
         self.heading = heading_of(now.rotations.values())
         self._ground = SwingMotion.rest(float(now.middle[2]))
