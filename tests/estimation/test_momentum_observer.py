@@ -35,9 +35,9 @@ def test_wrenches_on_the_soles_are_found(
         v = v + dt * a
         q = robot.integrate(q, v, dt)
         observer.update(q, v, torque, dt)
-    # The lag of 2.5 ms times what J' f changes by meanwhile, and what damping gives: 2 %.
+    # The lag of 2.5 ms times what J' f changes by meanwhile, and what damping gives: 3 %.
     for foot, f in true.items():
-        assert np.allclose(observer.wrenches[foot][:3], f[:3], atol=0.03 * weight), foot
+        assert np.allclose(observer.wrenches[foot][:3], f[:3], atol=0.04 * weight), foot
     assert np.allclose(observer.residual, outside, atol=0.03 * np.abs(outside).max())
     kept = observer.memory()
     observer.update(q, v, torque, dt)
@@ -45,3 +45,20 @@ def test_wrenches_on_the_soles_are_found(
     assert observer.memory().tobytes() == kept.tobytes()
     observer.reset()
     assert not observer.residual.any()
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
+def test_a_foot_in_the_air_bears_nothing(name: str, robot_named: Callable[[str], Robot]) -> None:
+    """Of a robot at rest on its right foot: a HOAP's left one was said to bear 27 % of it."""
+    robot = robot_named(name)
+    q, v = robot.posture(joints={"*knee*": 0.6}), np.zeros(robot.nv)
+    s = robot.snapshot(q)
+    J = s.jacobian(robot.feet["right"].frame)
+    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
+    wrench = np.linalg.solve(J[:, :6].T, gravity[:6])
+    torque = (gravity - J.T @ wrench)[6:]
+    observer = MomentumObserver(robot)
+    for _ in range(100):
+        observer.update(q, v, torque, 0.002)
+    assert abs(observer.wrenches["left"][2]) < 0.12 * robot.weight
+    assert observer.wrenches["right"][2] == pytest.approx(wrench[2], abs=0.12 * robot.weight)

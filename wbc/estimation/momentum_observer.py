@@ -27,7 +27,12 @@ from wbc.robot import Robot
 from wbc.robot.kernel import frame_places
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
+from wbc.robot.postures import STANDING
 from wbc.validate import Array, finite_array, finite_number
+
+# Levers too short to tell a force: squared [m^2], at most, and by the CoM's height. Those of small
+# robots are shorter: with 1e-3 m^2 a foot in the air bore a quarter of a HOAP's weight.
+MAX_LEVER_SQUARED, LEVER_RATIO = 1e-3, 0.05
 
 
 class MomentumObserver:
@@ -64,6 +69,9 @@ class MomentumObserver:
                 f" {lib.MOMENTUM_MOST_FEET} are supported"
             )
         self._arguments = robot, bandwidth, trust
+        standing = robot.snapshot(robot.postures[STANDING])
+        soles = [standing.position(foot.frame)[2] for foot in robot.feet.values()]
+        height = float(standing.com[2]) - min(soles, default=0.0)
         tree, nv, k = robot.native.tree, robot.nv, len(self.feet)
         ids = [robot.frame_id(foot.frame) for foot in robot.feet.values()]
         joints, placements = frame_places(robot.model, ids)
@@ -95,6 +103,7 @@ class MomentumObserver:
                 "feet": k,
                 "base_trust": trust,
                 "bandwidth": self.bandwidth,
+                "lever": min(MAX_LEVER_SQUARED, (LEVER_RATIO * height) ** 2),
                 **arrays,
             },
         )

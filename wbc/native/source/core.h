@@ -408,6 +408,7 @@ typedef struct {
     const double *damping, *friction; /* (nv - 6) */
     double base_trust;                /* weight of the base's rows by that of the joints' */
     double bandwidth;                 /* forces are seen with a delay of 1 / bandwidth */
+    double lever;                     /* m^2: regularisation, of levers too short to tell a force */
     double *known;                    /* (1) whether there is a last state */
     double *residual, *velocity, *motion, *state, *frames, *wrenches, *scratch;
 } wbc_momentum;

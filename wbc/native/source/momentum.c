@@ -8,7 +8,6 @@
 
 enum { MOST_ROWS = 6 * MOMENTUM_MOST_FEET };
 static const double CREEP = 0.05; /* rad/s or m/s: dry friction is fully developed from here on */
-static const double LEVER = 1e-3; /* m^2: regularisation, of levers too short to tell a force */
 
 static void add_outside(const wbc_momentum *m, const double *v, const double *torque, double dt, double share) {
     const int64_t nv = m->tree->nv;
@@ -36,7 +35,7 @@ static void explain(const wbc_momentum *m) {
         for (int64_t k = 0; k < nv; k++) weighted[k] = row[k] * (k < 6 ? m->base_trust : 1.0);
         for (int64_t j = i; j < rows; j++)
             H[i * rows + j] = dot(nv, weighted, m->frames + (j / 6) * size + FRAME_JACOBIAN + (j % 6) * nv);
-        H[i * rows + i] += LEVER;
+        H[i * rows + i] += m->lever;
         f[i] = -dot(nv, weighted, m->residual);
     }
     if (!cholesky_solve(rows, H, rows, f, triangle, m->wrenches)) memset(m->wrenches, 0, rows * sizeof(double));
