@@ -65,6 +65,10 @@ void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
             wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
             return;
         }
+    if (x[0] == 0.0 && x[1] == 0.0 && x[2] == 0.0 && x[3] == 0.0) { /* zeros would count as upright */
+        wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
+        return;
+    }
     for (int j = 0; j < WBC_JOINTS; j++) {
         s->q[j] = r->position[j], s->v[j] = r->velocity[j];
         position |= beyond(r->position[j] - l->upper[j], l->overrun);
