@@ -243,9 +243,7 @@ class Reaction:
             if part.grasp is not None:
                 local = (part.grasp @ own).reshape(2, 3)
                 own = (local @ part.axes(self.snapshot).T).reshape(6)
-            elif isinstance(
-                part.contact, Contact
-            ):  # along its rows, the world's; a point has three
+            elif isinstance(part.contact, Contact):  # along the world's axes; a point's are three
                 own = np.concatenate((own, np.zeros(6 - own.size)))
             found[part.contact.name] = own
         return found
