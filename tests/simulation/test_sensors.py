@@ -169,3 +169,5 @@ def test_a_delay_is_a_multiple_of_the_physics_step() -> None:
 def test_a_delay_in_ms_is_doubted(caplog: pytest.LogCaptureFixture) -> None:
     Plant(load("hoap2_like"), sensors=Sensors(delay=2.0, latency=0.1))
     assert caplog.messages == ["sensors: a delay of 2 s; is it in s?"]
+    # No note of a result says it: command lines print warnings that are not marked as such.
+    assert not any(hasattr(one, "noted") for one in caplog.records)

@@ -45,6 +45,7 @@ from wbc.qp.backend import Backend, torque_level_doubt
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
+from wbc.robot.notes import doubt_delay
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
@@ -60,7 +61,6 @@ RAMP = 0.05
 # 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with rotors of
 # 0.05 kg m^2, with 0.005 to 0.015.
 SPRING_TIME = 0.015
-LONG_DELAY = 0.2  # s: errors of a small humanoid that stands triple meanwhile
 # Time constant [s] with which joints come to rest by the policy "damp", within the torque bounds.
 REST_TIME = 0.05
 
@@ -187,12 +187,8 @@ class TorqueController(Controller):
                     "controller: singular_threshold of %s has no effect at the torque level", task
                 )
         self.delay = finite_number("controller, delay", delay, least=0.0)
-        if self.delay > LONG_DELAY:
-            logging.getLogger(__name__).warning(
-                "controller: a delay of %g s is predicted over as if nothing disturbed meanwhile;"
-                " is it in s?",
-                self.delay,
-            )
+        predicted = f"controller: a delay of {self.delay:g} s is predicted over as if nothing"
+        doubt_delay(f"{predicted} disturbed meanwhile", self.delay)
         self._prediction = StatePrediction(robot, self.delay, self.dt) if self.delay else None
         doubt = torque_level_doubt(self.backend)
         if doubt is not None:

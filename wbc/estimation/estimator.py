@@ -35,11 +35,11 @@ from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
+from wbc.robot.notes import doubt_delay
 from wbc.validate import Array, list_of
 
 OLD_MESSAGES_WARNING = 50  # number of messages in a row dropped for their age before a warning
 FAR_MOUNT = 2.0  # m: no IMU is that far from the frame that carries it
-LONG_DELAY = 0.2  # s: no encoder is that late
 
 
 class StateEstimator:
@@ -329,7 +329,5 @@ def _doubt_units(imus: Sequence[ImuMount], settings: EstimatorSettings) -> None:
                 "estimator: IMU %r is mounted %.3g m from %r; is its position in m?",
                 *(imu.name, distance, imu.frame),
             )
-    if settings.encoder_delay > LONG_DELAY:
-        logger.warning(
-            "estimator: encoders are %g s late (encoder_delay); is it in s?", settings.encoder_delay
-        )
+    late = settings.encoder_delay
+    doubt_delay(f"estimator: encoders are {late:g} s late (encoder_delay)", late)

@@ -13,12 +13,19 @@ from wbc.errors import listed
 
 # Marks warnings that are notes of a robot or a result, too: command lines print those.
 NOTED = {"noted": True}
+LONG_DELAY = 0.2  # s: errors of a small humanoid that stands triple meanwhile
 _enabled = ContextVar("told", default=True)
 
 
 def noted(words: str, names: Collection[str], most: int = 5) -> tuple[str, ...]:
     """Return a note about names, which stand at ``{}`` in ``words``; none if there are no names."""
     return (words.replace("{}", listed([*names], most)),) if names else ()
+
+
+def doubt_delay(what: str, seconds: float) -> None:
+    """Warn of a delay, called ``what``, that no robot stands with: it may be in ms."""
+    if seconds > LONG_DELAY:
+        logging.getLogger(__name__).warning("%s; is it in s?", what)
 
 
 def warn_of(path: Path, notes: Iterable[str]) -> None:

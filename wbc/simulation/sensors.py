@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -10,11 +9,9 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.robot.notes import NOTED
+from wbc.robot.notes import doubt_delay
 from wbc.simulation.mismatch import seed_number
 from wbc.validate import Array, check_fields, set_fields
-
-LONG_DELAY = 0.2  # s: no robot stands by states or torques that old
 
 
 @dataclass(frozen=True)
@@ -67,12 +64,9 @@ def _noises() -> list[str]:
 
 
 def doubt_delays(sensors: Sensors) -> None:
-    """Warn of delays that no robot stands with: they may be in ms."""
-    for name in ("delay", "latency"):
-        if getattr(sensors, name) > LONG_DELAY:
-            logging.getLogger(__name__).warning(
-                "sensors: a %s of %g s; is it in s?", name, getattr(sensors, name), extra=NOTED
-            )
+    """Warn of delays that no robot stands with."""
+    doubt_delay(f"sensors: a delay of {sensors.delay:g} s", sensors.delay)
+    doubt_delay(f"sensors: a latency of {sensors.latency:g} s", sensors.latency)
 
 
 class Measurements:
