@@ -279,22 +279,35 @@ def test_version_and_wrong_usage() -> None:
     assert wbc_command("run", "x.yaml", "--nonsense").exit_code == 2
 
 
-def test_help_does_not_load_the_robotics_libraries() -> None:
+@pytest.mark.parametrize(
+    ("command", "unwanted"),
+    [
+        (["--help"], {"pinocchio", "numpy", "pydantic", "proxsuite"}),
+        (["run", "p.yaml"], {"scipy.stats", "scipy.optimize", "matplotlib", "casadi"}),
+    ],
+)
+def test_commands_load_only_the_libraries_that_they_use(
+    command: list[str], unwanted: set[str], tmp_path: Path
+) -> None:
+    (tmp_path / "p.yaml").write_text(
+        "robot: hoap2_like\nsupport: double\ntasks: {com: {type: com, target: [0, 0, 0.3]}}\n"
+        "stop: {duration: 0.02}\n"
+    )
     code = (
         "import sys; from wbc.cli import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "print(sorted({'pinocchio', 'numpy', 'pydantic', 'proxsuite'} & set(sys.modules)))"
+        f"print(sorted({unwanted} & set(sys.modules)))"
     )
     answer = subprocess.run(
-        [sys.executable, "-c", code, "--help"],
+        [sys.executable, "-c", code, *command],
         capture_output=True,
         text=True,
         check=True,
+        cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(Path(wbc.__file__).parents[1])},
     )
     assert answer.stdout.splitlines()[-1] == "[]"
-    assert "robots" in answer.stdout
 
 
 def test_python_m_wbc_is_wbc() -> None:

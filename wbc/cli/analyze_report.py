@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from rich.text import Text
 
 from wbc.cli.console import plain_console
-from wbc.cli.printing import heads, print_dropouts, print_line
+from wbc.cli.printing import heads, print_line
 from wbc.motion import RmpSeries
+from wbc.motion.dropouts import Dropout
 from wbc.motion.uncertainty import BAND
 from wbc.rmp.axes import Bools
 from wbc.validate import Array
 
+SHOWN_DROPOUTS = 10
 NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"
 
 
@@ -186,3 +189,17 @@ def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[st
         " or residual, narrows the band. "
     )
     return text, "yellow"
+
+
+def print_dropouts(dropouts: Sequence[Dropout]) -> None:
+    """Print a recording's dropouts: those of the same rows in one line, ten lines at most."""
+    joined = dict[tuple[str, float, float, bool], Dropout]()
+    for one in dropouts:
+        key = one.kind, one.start, one.end, one.filled
+        before = joined[key].columns if key in joined else ()
+        joined[key] = replace(one, columns=(*before, *one.columns))
+    lines = [*map(str, joined.values())]
+    for line in lines[:SHOWN_DROPOUTS]:
+        print_line("dropout", line, "yellow")
+    if len(lines) > SHOWN_DROPOUTS:
+        plain_console().print(f"and {len(lines) - SHOWN_DROPOUTS} more dropouts")

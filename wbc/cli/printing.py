@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.console import plain_console
-from wbc.motion.dropouts import Dropout
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus, unit_of
 from wbc.robot.names import COM
@@ -22,7 +20,6 @@ from wbc.simulation import SimulationStatus
 from wbc.tracking.unbalanced import Unbalanced
 
 SHOWN = 5
-SHOWN_DROPOUTS = 10
 SHOWN_PAIRS = 6  # that self-collision does not watch
 WORST = 12  # of what cannot be balanced, that are printed
 GAP = 3  # between columns
@@ -301,17 +298,3 @@ def print_unbalanced(unbalanced: Sequence[Unbalanced], most: int = WORST) -> Non
         print_line("balance", f"{len(worst) - most} more", "yellow")
     if not worst:
         print_line("balance", "the ground and the joints can do it")
-
-
-def print_dropouts(dropouts: Sequence[Dropout]) -> None:
-    """Print a recording's dropouts: those of the same rows in one line, ten lines at most."""
-    joined = dict[tuple[str, float, float, bool], Dropout]()
-    for one in dropouts:
-        key = one.kind, one.start, one.end, one.filled
-        before = joined[key].columns if key in joined else ()
-        joined[key] = replace(one, columns=(*before, *one.columns))
-    lines = [*map(str, joined.values())]
-    for line in lines[:SHOWN_DROPOUTS]:
-        print_line("dropout", line, "yellow")
-    if len(lines) > SHOWN_DROPOUTS:
-        plain_console().print(f"and {len(lines) - SHOWN_DROPOUTS} more dropouts")

@@ -170,7 +170,8 @@ def retarget(
         outputs.save(problem, lambda place: write_text(place, text))
     if not quiet:
         from wbc.cli.analyze_human import print_human
-        from wbc.cli.printing import print_dropouts, print_written
+        from wbc.cli.analyze_report import print_dropouts
+        from wbc.cli.printing import print_written
 
         print_human(human)
         print_dropouts(human.motion.dropouts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number
@@ -27,6 +26,8 @@ def low_pass(values: Array, rate: float, cutoff: float | None) -> Array:
     InvalidInputError
         A cutoff that is not below half the rate, or whose period is longer than the series.
     """
+    from scipy.signal import butter, sosfiltfilt  # only here: it takes half a second to load
+
     if cutoff is None:
         return values
     cutoff = finite_number("cutoff", cutoff, above=0.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from wbc.errors import InvalidInputError
 from wbc.motion.filtering import edge_rows, low_pass
@@ -154,5 +154,5 @@ def _deviation(filtered: Array, impulse: Array) -> Array:
     squares = np.median([window.mean(axis=0) for window in windows], axis=0)
     if len(windows) > 2:
         freedom = len(filtered) / len(windows) * energy**2 / float(correlation @ correlation)
-        squares = squares * freedom / chi2.median(freedom)
+        squares = squares * freedom / (2.0 * gammaincinv(0.5 * freedom, 0.5))
     return np.sqrt(squares / energy)

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from wbc.motion.filtered_noise import FilteredNoise
 from wbc.motion.ground import SupportMargin
@@ -19,7 +19,7 @@ from wbc.spatial import COLUMNS, DIAGONAL, FROBENIUS_WEIGHTS, ROWS
 from wbc.validate import Array
 
 COVERAGE = 0.95  # of a band, in each frame
-BAND = float(norm.ppf(0.5 + 0.5 * COVERAGE))  # standard deviations on each side
+BAND = float(ndtri(0.5 + 0.5 * COVERAGE))  # standard deviations on each side
 RISK = 0.05  # of a false verdict by noise alone, in the whole recording
 MOMENTUM_TO_INERTIA = slice(MOMENTUM.start, INERTIA.stop)
 STEP = 1e-6  # of finite differences, in m and by the weight

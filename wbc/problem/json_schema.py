@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
+from functools import cache
+from itertools import pairwise
 from typing import Any
 
-from pydantic.json_schema import models_json_schema
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, models_json_schema
+from pydantic_core.core_schema import ModelSchema
 
 from wbc.problem.retarget import RetargetSpec
+from wbc.problem.section import Section
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec
 
@@ -20,7 +27,9 @@ def json_schema() -> dict[str, Any]:
     from wbc.problem.pendulum.spec import PendulumSpec  # only now: it loads CasADi
 
     specs = ProblemSpec, WalkSpec, PendulumSpec, RetargetSpec
-    places, schema = models_json_schema([(spec, "validation") for spec in specs])
+    places, schema = models_json_schema(
+        [(spec, "validation") for spec in specs], schema_generator=_WithDocstrings
+    )
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": "urn:wbc:schema:problem:1",
@@ -37,6 +46,42 @@ def json_schema() -> dict[str, Any]:
             },
         },
         "$defs": _unwrapped(schema["$defs"]),
+    }
+
+
+class _WithDocstrings(GenerateJsonSchema):
+    """Describes keys by the docstrings below them.
+
+    Only where a schema is asked for: pydantic's own ``use_attribute_docstrings`` reads the sources
+    whenever the sections are loaded, a fifth of the start of every command.
+    """
+
+    def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
+        described = super().model_schema(schema)
+        for section in schema["cls"].__mro__:
+            if issubclass(section, Section):
+                for key, text in _docstrings(section.__module__).get(section.__name__, {}).items():
+                    if key in described["properties"]:
+                        described["properties"][key].setdefault("description", text)
+        return described
+
+
+@cache
+def _docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Return the docstrings below attributes of the classes of a module, by class and attribute."""
+    try:
+        source = inspect.getsource(sys.modules[module])
+    except (OSError, TypeError):  # typed at a prompt
+        return {}
+    return {
+        section.name: {
+            key.target.id: inspect.cleandoc(str(text.value.value))
+            for key, text in pairwise(section.body)
+            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
+            if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        }
+        for section in ast.walk(ast.parse(source))
+        if isinstance(section, ast.ClassDef)
     }
 
 

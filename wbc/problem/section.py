@@ -51,9 +51,7 @@ class Section(BaseModel):
     elsewhere: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Keys that make no sense here, and what they belong to, in words."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     @model_validator(mode="before")
     @classmethod

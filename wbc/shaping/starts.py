@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import qmc
 
 from wbc.robot import Robot
 from wbc.shaping.nlp import BuiltNlp, Start
@@ -153,6 +152,8 @@ def _sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
 
     The base stays where it is in the current posture.
     """
+    from scipy.stats import qmc  # only here: it takes half a second to load
+
     if count == 0:
         return []
     lower, upper = sampling.lower, sampling.upper
