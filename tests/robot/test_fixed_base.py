@@ -91,3 +91,54 @@ def test_a_problem_file_may_fix_the_base(tmp_path: Path) -> None:
     history = load_problem(path).run().history
     np.testing.assert_allclose(history.q[-1][:7], history.q[0][:7], atol=1e-9)
     assert np.ptp(history.q[:, 7:], axis=0).max() > 0.05
+
+
+def test_a_root_without_mass_that_moves_by_a_joint_is_a_mount(tmp_path: Path) -> None:
+    # Floating, it would move twice along the joint: planar walkers are drawn so.
+    legs = "".join(
+        urdf.link(f"{side}_foot", urdf.collision('box size=".2 .1 .04"'))
+        + urdf.joint(f"{side}_hip", "trunk", f"{side}_foot", at=f"0 {y} -0.5")
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    ends = urdf.joint("ahead", "rail", "slider", kind="prismatic", axis="1 0 0")
+    ends += urdf.joint("up", "slider", "trunk", kind="prismatic", axis="0 0 1")
+    empty = '<link name="rail"/><link name="slider"/>'
+    text = urdf.robot("walker", empty, urdf.link("trunk"), ends, legs)
+    robot = Robot.load(text)
+    assert robot.fixed_base and {*robot.feet} == {"left", "right"}
+    assert np.linalg.eigvalsh(robot.snapshot(robot.posture()).mass_matrix[6:, 6:])[0] > 1e-3
+    (note,) = (note for note in robot.notes if note.startswith("the base is fixed"))
+    assert "the root has no mass and moves by a joint; base: floating" in note
+    assert not Robot.load(text, base="floating").fixed_base
+    hopper = text.replace("_foot", "_end")  # without feet
+    assert Robot.load(hopper.replace(urdf.collision('box size=".2 .1 .04"'), "")).fixed_base
+
+
+def test_a_bolted_root_that_floats_for_its_feet_is_noted() -> None:
+    feet = "".join(
+        f'<body name="{side}_foot" pos="0 {y} -.5"><joint name="{side}_hip" axis="0 1 0"/>'
+        '<geom type="box" size=".1 .05 .02"/></body>'
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    trunk = f'<body name="trunk"><geom type="box" size=".1 .1 .2"/>{feet}</body>'
+    text = f"<mujoco><worldbody>{trunk}</worldbody></mujoco>"
+    robot = Robot.load(text)
+    assert not robot.fixed_base
+    assert (
+        "the base floats, as there are feet, though the root has no free joint; base: fixed bolts"
+        " it" in robot.notes
+    )
+    for kept in ({"base": "floating"}, {"base": "fixed"}):
+        assert not any("bolts it" in note for note in Robot.load(text, **kept).notes)
+
+
+def test_a_base_with_feet_that_have_no_shapes_floats() -> None:
+    parts = [urdf.link("base")]
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        parts += [
+            urdf.link(f"{side}_foot"),
+            urdf.joint(f"{side}_hip", "base", f"{side}_foot", at=f"0 {y} -0.5"),
+        ]
+    robot = Robot.load(urdf.robot("biped", *parts))
+    assert not robot.fixed_base
+    assert any("no shapes to find soles from on left_foot, right_foot" in n for n in robot.notes)

@@ -140,8 +140,9 @@ class Robot(KinematicTree):
             Feet by name; by default those of the library, or a guess from names and shapes.
         base:
             ``"floating"`` or ``"fixed"``. By default the base is fixed if no feet are found and
-            the root link is called world, or base of what has no wheels, is an MJCF body without a
-            free joint, or carries one arm that does not reach below it; a note says so.
+            the root link is called world, or base of what has no wheels and no links called feet,
+            is an MJCF body without a free joint, or carries one arm that does not reach below it;
+            and of a root without mass that one joint moves. A note says so.
         srdf:
             File with named postures (``group_state``).
         package_dirs:

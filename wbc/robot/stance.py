@@ -16,6 +16,7 @@ from wbc.robot.foot_guess import (
     BELOW_BASE,
     bodies_of,
     facing_ahead,
+    foot_of,
     rolling_joints,
     upright,
     words_of,
@@ -50,12 +51,15 @@ def arm_reason(model: pin.Model, geometry: GeometrySource, q: Array) -> str:
     """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
 
     One joint carries all others and none is below the base as legs are; or the root link's name
-    tells (``base`` does not if the robot has wheels). ``q`` (nq,) has the base upright.
+    tells (``base`` does not of what has wheels, or links called feet). ``q`` (nq,) has the base
+    upright.
     """
     root = next((str(frame.name) for frame in bodies_of(model) if frame.parentJoint == 1), "")
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    if words_of(root) & ARM_WORDS or (root == "base" and not rolling_joints(model, data, geometry)):
+    stands = any(foot_of(frame.name) for frame in bodies_of(model) if frame.parentJoint > 1)
+    rolls = bool(rolling_joints(model, data, geometry))
+    if words_of(root) & ARM_WORDS or (root == "base" and not (stands or rolls)):
         return f"the root link is called {root!r}"
     if list(model.parents).count(1) != 1:
         return ""
@@ -103,12 +107,17 @@ def find_stance(
         bolted = "the root moves by joints of its own"
         if base is None:
             foot_notes = (*foot_notes, f"the base is fixed, since {bolted}")
-    elif not soles and base is None:  # neither feet nor the user tell
-        bolted = description.bolted
-        if bolted == "":
-            bolted = arm_reason(model, description.geometry, q)
+    elif base is None:
+        if not soles:  # neither feet nor the user tell
+            bolted = description.bolted
+            bolted = arm_reason(model, description.geometry, q) if bolted == "" else bolted
+            reason = f"{bolted} and there are no feet"
+        if not bolted and description.bolted is not None and _is_mount(model):
+            bolted = reason = "the root has no mass and moves by a joint"
+        elif soles and description.bolted:
+            told = f"the base floats, as there are feet, though {description.bolted}"
+            foot_notes = (f"{told}; base: fixed bolts it", *foot_notes)
     if bolted and not description.mounted:
-        reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
@@ -118,6 +127,11 @@ def find_stance(
     if found.known is None:
         notes += _notes_below_soles(model, description.geometry, q, soles)
     return StandingPose(q, soles, base == "fixed" or bool(bolted), notes)
+
+
+def _is_mount(model: pin.Model) -> bool:
+    """Return whether the root has no mass and one joint: floating, it would move twice that way."""
+    return bool(model.inertias[1].mass == 0.0) and list(model.parents).count(1) == 1
 
 
 def stance_from_postures(
