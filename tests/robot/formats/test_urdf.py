@@ -92,6 +92,39 @@ def test_missing_limits_are_named(tmp_path: Path) -> None:
 DRAWN = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
 
 
+def six_joints(effort: str = "0", kinds: str = "pppttt", links: str = "") -> str:
+    """Return joints from an empty world to ``base`` about x, y, z, x, y, z."""
+    named = {"p": "prismatic", "t": "continuous"}
+    parts, above = ['<link name="odom"/>'], "odom"
+    for k, kind in enumerate(kinds):
+        below = f"v{k}" if k < len(kinds) - 1 else "base"
+        parts += [] if below == "base" else [f'<link name="{below}">{links}</link>']
+        limit = f'<limit lower="-9" upper="9" effort="{effort}" velocity="9"/>'
+        axis = " ".join("1" if k % 3 == one else "0" for one in range(3))
+        parts.append(joint(f"j{k}", above, below, named[kind], limit, axis))
+        above = below
+    return "".join(parts)
+
+
+def test_six_joints_without_motors_are_a_floating_base(tmp_path: Path) -> None:
+    body = link("base", "3") + link("shank") + joint("knee", "base", "shank")
+    robot = Robot.load(write(tmp_path, six_joints(), body))
+    assert not robot.fixed_base and robot.joint_names == ("knee",)
+    assert "joints of the root that are its floating base: j0, j1, j2, j3, j4, j5" in robot.notes
+    plain = Robot.load(write(tmp_path, body), base="floating")
+    q = plain.integrate(plain.posture(), np.linspace(-0.4, 0.6, plain.nv), 1.0)
+    np.testing.assert_allclose(robot.snapshot(q).mass_matrix, plain.snapshot(q).mass_matrix)
+    drawn = '<visual><geometry><sphere radius="1"/></geometry></visual>'
+    for other in (
+        six_joints(effort="5"),  # motors
+        six_joints(kinds="pptttt"),
+        six_joints(links=drawn),
+        six_joints().replace('xyz="0 0 -0.2"', 'xyz="0 0 0" rpy="1 0 0"'),
+        six_joints().replace('xyz="0 0 1"', 'xyz="0 1 0"'),
+    ):
+        assert len(Robot.load(write(tmp_path, other, body)).joint_names) == 7
+
+
 @pytest.mark.parametrize("drawn", ["", DRAWN])
 def test_a_floating_joint_from_an_empty_world_is_the_root(tmp_path: Path, drawn: str) -> None:
     world = f'<link name="world">{drawn}</link>' + joint("root", "world", "base", "floating", "")

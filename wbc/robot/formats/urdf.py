@@ -36,6 +36,12 @@ from wbc.robot.formats.urdf_exporters import (
     foreign_joints_hint,
     refuse_macros,
 )
+from wbc.robot.formats.urdf_floating import (
+    check_floating,
+    drop_world_shapes,
+    float_by_one_joint,
+    parent_of,
+)
 from wbc.robot.formats.urdf_shapes import UrdfGeometry
 from wbc.robot.formats.urdf_words import unknown_words
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
@@ -70,9 +76,11 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     head_notes = complete_root(root, path) + unknown_words(root)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
+    world_notes += float_by_one_joint(root, base, path)
+    joints = root.findall("joint")
     floats = any(joint.get("type") == "floating" for joint in joints)
     notes = head_notes + world_notes + drop_empty_limits(joints)
-    notes += _drop_world_shapes(root, base) if floats else ()
+    notes += drop_world_shapes(root, base) if floats else ()
     notes += drop_repeated(root) + complete_materials(root)
     notes += tuple(filter(None, (foreign_joints_hint(root),)))
     shapeless = list[tuple[str, str, str]]()
@@ -111,7 +119,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
 
 def _add_world(root: ET.Element) -> tuple[str, ...]:
     """Add the link ``world``, which Drake's files leave out; return a note of it."""
-    parents = {_parent(joint) for joint in root.findall("joint")}
+    parents = {parent_of(joint) for joint in root.findall("joint")}
     if WORLD not in parents or any(link.get("name") == WORLD for link in root.findall("link")):
         return ()
     ET.SubElement(root, "link", {"name": WORLD})
@@ -140,7 +148,7 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
         also = "; ".join(filter(None, (named, foreign_joints_hint(root))))
         raise ModelError(f"{path}: expected one root link, found {len(roots)} ({also})")
-    _check_floating(joints, roots[0], path)
+    check_floating(joints, roots[0], path)
     _check_depth(parents, path)
     check_joint_count(sum(joint.get("type") in MOVING for joint in joints), path)
     moving = (joint.get("name", "") for joint in joints if joint.get("type") in MOVING)
@@ -189,42 +197,12 @@ def _carried_masses(root: ET.Element, joints: list[ET.Element]) -> dict[str, flo
     for link in root.findall("link"):
         joint = above.get(link.get("name", ""))
         while joint is not None and joint.get("type") == "fixed":
-            joint = above.get(_parent(joint) or "")
+            joint = above.get(parent_of(joint) or "")
         moved = joint is not None and joint.get("type") in MOVING
         name = joint.get("name", "") if joint is not None and moved else ""
         masses = (float(mass.get("value", 0)) for mass in link.findall("inertial/mass"))
         carried.setdefault(name, []).extend(masses)
     return {name: math.fsum(masses) for name, masses in carried.items()}
-
-
-def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> None:
-    """Allow a ``floating`` joint only where it is redundant: from a root link without mass."""
-    on_base = [joint for joint in joints if _parent(joint) == base.get("name")]
-    for joint in joints:
-        if joint.get("type") != "floating":
-            continue
-        if on_base != [joint] or base.find("inertial") is not None:
-            raise ModelError(
-                f"{path}: joint {joint.get('name')!r} is floating, but only the root may float;"
-                " remove the joint (the root link floats by itself)"
-            )
-        for origin in joint.findall("origin"):
-            joint.remove(origin)  # an offset of the world, which q measures by itself
-
-
-def _drop_world_shapes(root: ET.Element, base: str) -> tuple[str, ...]:
-    """Leave out the shapes of the link that a robot floats from; return a note of it."""
-    (link,) = (link for link in root.findall("link") if link.get("name") == base)
-    shapes = [*link.findall("visual"), *link.findall("collision")]
-    for shape in shapes:
-        link.remove(shape)
-    text = f"shapes of the link {base!r}, which the robot floats from, left out: {len(shapes)}"
-    return (text,) if shapes else ()
-
-
-def _parent(joint: ET.Element) -> str | None:
-    parent = joint.find("parent")
-    return None if parent is None else parent.get("link")
 
 
 def _check_inertial(link: ET.Element, where: str) -> None:
