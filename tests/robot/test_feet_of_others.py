@@ -190,6 +190,13 @@ def test_bearings_that_are_not_on_the_ground_are_no_wheels(tmp_path: Path) -> No
     assert [foot.link for foot in robot.feet.values()] == ["left_ank", "right_ank"]
 
 
+def test_a_rotor_on_a_foot_is_no_wheel(tmp_path: Path) -> None:
+    rotor = link("{0}_rotor", WHEEL.replace(".08", ".02"))
+    rotor += joint("{0}_r", "{end}", "{0}_rotor", "0 1 0", "0 .06 .03", "continuous")
+    robot = Robot.load(biped(tmp_path, box("0 0 -.02", ".2 .1 .04"), LEG + ANKLE, rotor))
+    assert [foot.link for foot in robot.feet.values()] == ["left_foot", "right_foot"]
+
+
 @pytest.mark.parametrize(("kind", "shape"), [("continuous", "box"), ("revolute", "disc")])
 def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str, shape: str) -> None:
     """What turns without end and is no wheel, and what is round and has limits."""

@@ -236,6 +236,7 @@ def rolling_joints(model: pin.Model, data: pin.Data, geometry: GeometrySource) -
     wheels = [joint for joint in low if _is_wheel(model, geometry, joint)]
     if wheels:
         ends = {*range(2, model.njoints)} - {int(parent) for parent in model.parents}
+        ends |= {int(model.parents[joint]) for joint in wheels}  # a foot that carries a rotor
         lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
         ground = min(lowest.values())
         rolling |= {j for j in wheels if lowest[j] - ground < 2.0 * (height[j] - lowest[j])}
