@@ -150,3 +150,12 @@ def test_joints_may_be_called_as_links_are(tmp_path: Path, names: tuple[str, str
     for link in ("l1", "l2", "l3"):
         np.testing.assert_allclose(one.position(link), other.position(link), atol=1e-15)
     np.testing.assert_allclose(one.com, other.com, atol=1e-15)
+
+
+@pytest.mark.parametrize(("reach", "told"), [("1.5", True), ("3.14", False), ("9.42", False)])
+def test_a_range_of_a_continuous_joint_is_told(tmp_path: Path, reach: str, told: bool) -> None:
+    path = chain(tmp_path, limit=toy.limit(reach, 20), kind="continuous")
+    robot = Robot.load(path, base="fixed")
+    assert np.isinf(robot.limits.upper).all()
+    note = "ranges of continuous joints, which URDF gives none, are not used: j1, j2, j3"
+    assert (note in robot.notes) == told

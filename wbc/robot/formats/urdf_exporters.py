@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import pinocchio as pin
@@ -20,6 +21,7 @@ GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
 VERSIONS = ("1.0", "1.1", "1.2")
 UNIQUE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
 DYNAMICS = {"damping", "friction"}
+LEAST_TURN = 6.0  # rad: ranges of -3.14 to 3.14 say that a joint is continuous
 UNREAD = ("safety_controller", "calibration")  # not used here
 SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
@@ -140,9 +142,10 @@ def _colour(text: str) -> str | None:
 def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
     """Remove limits whose four numbers are 0, as exporters write by default.
 
-    Return notes of these, of joints without a range, and of speed limits of 0.
+    Return notes of these, of joints without a range, of ranges that bound no joint, and of speed
+    limits of 0.
     """
-    unset, free, still = list[str](), list[str](), list[str]()
+    unset, free, still, endless = list[str](), list[str](), list[str](), list[str]()
     for joint in joints:
         limit, name = joint.find("limit"), joint.get("name", "")
         given = {} if limit is None else limit.attrib
@@ -156,6 +159,8 @@ def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
             free.append(name)
         elif "velocity" in zero:
             still.append(name)
+        if joint.get("type") == "continuous" and _is_within_a_turn(given):
+            endless.append(name)
     zero_limits = (
         "limits of {} are all 0 (position, effort, speed), as exporters write where nothing was"
         " entered: taken as none"
@@ -163,8 +168,18 @@ def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
     return (
         noted(zero_limits, unset)
         + noted("{} have no range in the file: taken as without limits", free)
+        + noted("ranges of continuous joints, which URDF gives none, are not used: {}", endless)
         + noted("speed limits of 0 are taken as none: {}", still)
     )
+
+
+def _is_within_a_turn(limit: Mapping[str, str]) -> bool:
+    """Return whether a limit's range is smaller than a turn, which means no limit."""
+    try:
+        low, high = (float(limit[key]) for key in ("lower", "upper"))
+    except (KeyError, ValueError):
+        return False
+    return 0.0 < high - low < LEAST_TURN
 
 
 def _is_zero(text: str) -> bool:
