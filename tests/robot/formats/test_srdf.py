@@ -143,3 +143,11 @@ def test_neutral_has_joints_at_zero_whatever_the_file_calls_so(tmp_path: Path) -
     np.testing.assert_array_equal(robot.posture("neutral")[7:9], [0.0, 0.0])
     np.testing.assert_array_equal(robot.posture("neutral_2")[7:9], [0.5, 0.0])
     assert any("is called 'neutral_2'" in note for note in robot.notes)
+
+
+def test_rotors_are_told(tmp_path: Path) -> None:
+    rotor = '<joint name="j1" mass="1e-5" gear_ratio="100"/>'
+    (note,) = (
+        n for n in load(tmp_path, f"<rotor_params>{rotor}</rotor_params>").notes if "rotor" in n
+    )
+    assert note.startswith("SRDF, not read: rotors' inertia") and note.endswith("of j1")

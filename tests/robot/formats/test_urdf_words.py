@@ -85,3 +85,27 @@ def test_joints_without_range_or_speed_are_told() -> None:
     vast = Robot.load(ARM.replace('velocity="3"', 'velocity="1e9"'))  # as an ergoCub's
     assert "speed limits in the file that bound nothing: j 1e+09" in vast.notes
     assert not any("range" in note or "speed" in note for note in Robot.load(ARM).notes)
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        (
+            '<transmission type="SimpleTransmission"><joint name="j"/><actuator name="m">'
+            '<drake:gear_ratio value="10"/><drake:rotor_inertia value="1e-4"/></actuator>'
+            "</transmission>",
+            "rotors' inertia (armature=... takes it, times the gear ratio squared), of j",
+        ),
+        ('<gazebo reference="j"><springStiffness>30</springStiffness></gazebo>', "springs, of j"),
+        (
+            '<gazebo reference="upper"><turnGravityOff>true</turnGravityOff></gazebo>',
+            "that gravity does not act, of upper",
+        ),
+        ('<gazebo reference="upper"><turnGravityOff>false</turnGravityOff></gazebo>', ""),
+        ('<gazebo reference="j"><springStiffness value="0.0"/></gazebo>', ""),
+    ],
+)
+def test_physics_of_other_programs_is_told(part: str, told: str) -> None:
+    notes = Robot.load(ARM.replace("</robot>", part + "</robot>")).notes
+    wanted = [f"not read: {told}"] if told else []
+    assert [note for note in notes if note.startswith("not read: ")] == wanted

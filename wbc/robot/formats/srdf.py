@@ -109,7 +109,12 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
             told += [f"<{tag}> in state {element.get('name')!r}" for tag in others]
         if element.tag == "virtual_joint" and element.get("type") not in (None, "floating"):
             told.append(f"<virtual_joint> of type {element.get('type')!r} (base='fixed' bolts it)")
-    return noted("SRDF, not read: {}", told)
+    rotors = [str(joint.get("name")) for joint in root.iterfind("rotor_params/joint")]
+    return noted("SRDF, not read: {}", told) + noted(
+        "SRDF, not read: rotors' inertia (armature=... takes it, times the gear ratio squared), of"
+        " {}",
+        rotors,
+    )
 
 
 def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:

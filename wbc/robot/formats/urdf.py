@@ -43,7 +43,7 @@ from wbc.robot.formats.urdf_floating import (
     parent_of,
 )
 from wbc.robot.formats.urdf_shapes import UrdfGeometry
-from wbc.robot.formats.urdf_words import unknown_words
+from wbc.robot.formats.urdf_words import unknown_words, unread_physics
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 from wbc.robot.notes import noted
@@ -73,7 +73,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
-    head_notes = complete_root(root, path) + unknown_words(root)
+    head_notes = complete_root(root, path) + unknown_words(root) + unread_physics(root)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
     world_notes += float_by_one_joint(root, base, path)

@@ -52,6 +52,13 @@ KNOWN = {
     "mimic": _allowed("joint multiplier offset"),
     "dynamics": _allowed("damping friction"),
 }
+# Physics in elements for other programs (Drake, Gazebo), which moves the robot.
+PHYSICS = {
+    "rotor_inertia": "rotors' inertia (armature=... takes it, times the gear ratio squared)",
+    "springStiffness": "springs",
+    "turnGravityOff": "that gravity does not act",
+}
+NOTHING = {"", "0", "0.0", "false"}
 SIMILARITY = 0.8  # of words that are suggested
 
 
@@ -69,6 +76,20 @@ def unknown_words(root: ET.Element) -> tuple[str, ...]:
         f"{words} and {k} more" if (k := more[what]) else words for what, words in first.items()
     ]
     return noted("not read, as URDF does not know it: {}", told)
+
+
+def unread_physics(root: ET.Element) -> tuple[str, ...]:
+    """Return notes of :data:`PHYSICS` that is not read."""
+    found = dict[str, list[str]]()
+    for part in root:
+        joint = part.find("joint")  # of a transmission
+        owner = part.get("reference", (part if joint is None else joint).get("name", "?"))
+        for element in part.iter():
+            words = PHYSICS.get(str(element.tag).rpartition("}")[2])
+            if words and element.get("value", element.text or "").strip().lower() not in NOTHING:
+                found.setdefault(words, []).append(owner)
+    told = (noted(f"not read: {words}, of {{}}", owners) for words, owners in found.items())
+    return tuple(note for notes in told for note in notes)
 
 
 def _unknown_in(element: ET.Element, owner: str) -> Iterator[tuple[str, str, str]]:
