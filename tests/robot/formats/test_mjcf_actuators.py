@@ -134,3 +134,13 @@ def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
 def test_ill_formed_actuators_are_named(tmp_path: Path, actuator: str, told: str) -> None:
     with pytest.raises(ModelError, match=told):
         load(tmp_path, text(actuator))
+
+
+@pytest.mark.parametrize(("own", "effort"), [("", np.inf), ('forcerange="-3 3"', 3.0)])
+def test_the_control_of_a_plugin_is_no_force(tmp_path: Path, own: str, effort: float) -> None:
+    config = '<config key="kp" value="40"/>'
+    head = '<extension><plugin plugin="mujoco.pid"><instance name="pid">'
+    head += f"{config}</instance></plugin></extension>"
+    servo = f'<plugin joint="motor" plugin="mujoco.pid" instance="pid" ctrlrange="-1 1" {own}/>'
+    content = text(servo).replace("<worldbody>", f"{head}<worldbody>")
+    assert load(tmp_path, content).limits.effort[0] == effort

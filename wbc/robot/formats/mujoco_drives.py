@@ -126,6 +126,7 @@ def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
     plain = (
         model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_plugin[motor] < 0  # a PID's control is a position
     )
     first = int(getattr(model, "actuator_ctrladr", range(motor + 1))[motor])  # of its controls
     inputs = []  # force is in proportion to the control, or to the activation
