@@ -364,6 +364,19 @@ LOOP = (
 )
 
 
+@pytest.mark.parametrize(
+    "tail",
+    [
+        '<deformable><skin file="away.skn"/></deformable>',
+        '<sensor><touch site="in_a_scene"/></sensor>',
+        '<sensor><accelerometer site="in_a_scene"/></sensor><asset><mesh name="away"'
+        ' file="away.stl"/></asset>',
+    ],
+)
+def test_sensors_and_skins_of_what_is_elsewhere_are_done_without(tail: str) -> None:
+    assert Robot.load(text(LEGS, tail=tail)).mass == Robot.load(text(LEGS)).mass
+
+
 def test_equality_constraints_act_while_they_are_active() -> None:
     passed = "equality constraints that are not active: c"
     for content in (

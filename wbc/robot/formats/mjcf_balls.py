@@ -61,8 +61,6 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
             hinge.range = (-reach, reach)
         delete_from(spec, joint)  # last: what it hands out are views of it
     motor_notes = _move_motors(mujoco, spec, names)
-    for sensor in list(spec.sensors):  # of balls, which are not there any more, and not read
-        delete_from(spec, sensor)
     for key, qpos in zip(spec.keys, kept, strict=True):
         key.qpos = qpos
     notes = noted(

@@ -144,6 +144,8 @@ def _spec(mujoco: Any, source: Any) -> Any:
     for field in ("fusestatic", "discardvisual"):
         if hasattr(spec.compiler, field):
             setattr(spec.compiler, field, False)
+    for unread in (*spec.sensors, *spec.skins):  # whose files and objects may be elsewhere
+        delete_from(spec, unread)
     for texture in spec.textures:
         _drop_texture_file(mujoco, texture)
     return spec
