@@ -146,7 +146,8 @@ class Robot(KinematicTree):
         srdf:
             File with named postures (``group_state``).
         package_dirs:
-            Folders to look for ``package://`` meshes in.
+            Folders to look for ``package://`` meshes in, before those above the file and those of
+            ROS (``ROS_PACKAGE_PATH``) and ROS 2 (``share`` in ``AMENT_PREFIX_PATH``).
         name:
             The robot's name, if not the file's.
         armature, damping, friction:

@@ -471,6 +471,21 @@ def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) ->
         assert len(robot.collision_model.geometryObjects) == 1
 
 
+@pytest.mark.parametrize(
+    ("variable", "share"), [("ROS_PACKAGE_PATH", "ws"), ("AMENT_PREFIX_PATH", "ws/share")]
+)
+def test_a_mesh_is_found_where_ros_has_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, share: str
+) -> None:
+    package = tmp_path / share / "arm"
+    package.mkdir(parents=True)
+    (package / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    (expanded := tmp_path / "tmp/deep").mkdir(parents=True)
+    monkeypatch.setenv(variable, f":/no/such/folder:{tmp_path / 'ws'}")
+    mesh = '<collision><geometry><mesh filename="package://arm/cube.obj"/></geometry></collision>'
+    assert with_shapes(expanded, mesh).notes == ()
+
+
 def test_a_mesh_is_found_as_exporters_and_mujoco_mean_it(tmp_path: Path) -> None:
     for folder in ("urdf", "meshes", "parts"):
         (tmp_path / folder).mkdir()

@@ -25,7 +25,8 @@ def read_description(
         The file; the root element tells the format, not the file's name.
     package_dirs:
         Folders that hold the packages of ``package://NAME/...`` mesh names. The folders above
-        ``path`` and those of the environment variable ``ROS_PACKAGE_PATH`` are searched as well.
+        ``path`` and those of the environment variables ``ROS_PACKAGE_PATH`` and
+        ``AMENT_PREFIX_PATH`` (ROS 2; ``share`` in each) are searched as well.
     given:
         In place of a file: XML text, an ``MjSpec`` or an ``MjModel``; ``path`` is what messages
         call it.

@@ -40,8 +40,7 @@ def resolve_meshes(
     missing : dict of str to list of str
         What was left out of ``collision`` and ``visual`` shapes.
     """
-    of_ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-    folders = (*package_dirs, *path.resolve().parents, *(Path(one) for one in of_ros if one))
+    folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
     compiler = root.find("mujoco/compiler")
     meshes = None if compiler is None else compiler.get("meshdir")
@@ -63,6 +62,17 @@ def resolve_meshes(
                 else:
                     mesh.set("filename", str(found))
     return missing
+
+
+def _ros_folders() -> list[Path]:
+    """Return the folders of packages that ROS and ROS 2 name in the environment."""
+    variables = ("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")
+    return [
+        Path(folder, inside)
+        for variable, inside in variables
+        for folder in os.environ.get(variable, "").split(os.pathsep)
+        if folder
+    ]
 
 
 def missing_notes(missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
