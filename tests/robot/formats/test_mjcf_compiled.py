@@ -440,6 +440,22 @@ def test_numbers_of_a_changed_model_that_are_none_are_named() -> None:
         Robot.load(model)
 
 
+@pytest.mark.parametrize("name", ["dof_damping", "jnt_stiffness", "key_qpos", "geom_size"])
+def test_other_numbers_of_a_changed_model_are_named_too(name: str) -> None:
+    key = '<keyframe><key name="home"/></keyframe>'
+    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=key))
+    getattr(model, name).flat[-1] = np.nan
+    with pytest.raises(ModelError, match=f"{name} of the model is not finite"):
+        Robot.load(model)
+
+
+def test_a_key_frame_without_an_orientation_is_upright() -> None:
+    key = '<keyframe><key name="home"/></keyframe>'
+    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=key))
+    model.key_qpos[0, 3:7] = 0.0
+    np.testing.assert_array_equal(Robot.load(model).postures["home"][3:7], [0, 0, 0, 1])
+
+
 def test_a_foot_tied_to_the_world_needs_a_fixed_base() -> None:
     """Of a root without a free joint, which floats for it has feet; the tie was to the root."""
     tie = '<equality><connect name="c" body1="left_foot" anchor="0 0 0"/></equality>'

@@ -27,6 +27,11 @@ from wbc.robot.formats.xml import LARGEST
 from wbc.robot.notes import noted
 from wbc.robot.passive import PassiveForces
 
+# Numbers of a compiled model that nothing else compares; a file's are checked as text.
+CHANGEABLE = (
+    *("dof_damping", "dof_frictionloss", "jnt_stiffness", "qpos_spring", "qpos0", "key_qpos"),
+    *("geom_size", "geom_pos", "geom_quat"),
+)
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -88,8 +93,12 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
 
 
 def _check_sizes(part: RobotPart) -> None:
-    """Refuse lengths, masses and inertias whose products overflow."""
+    """Refuse lengths, masses and inertias whose products overflow, and numbers that are none."""
     model, names, path = part.model, part.names, part.path
+    changeable = {name: getattr(model, name) for name in CHANGEABLE}
+    for name, values in {**changeable, "opt.gravity": model.opt.gravity}.items():
+        if not np.isfinite(values).all():
+            raise ModelError(f"{path}: {name} of the model is not finite; correct it")
     bodies, joints = list(part.bodies), list(part.joints)
     for what, values, owners in (
         ("pos", model.body_pos, bodies),

@@ -150,6 +150,7 @@ def key_frames(part: RobotPart) -> Mapping[str, Any]:
         state: dict[str, tuple[float, ...]] = {}
         if part.floats:
             start = part.start_of(part.root_joint)
+            part.mujoco.mju_normalize4(q[start + 3 : start + 7])  # of nothing, as it was drawn
             w, x, y, z = q[start + 3 : start + 7].tolist()
             state[ROOT] = (*q[start : start + 3].tolist(), x, y, z, w)
         if part.floating_joints:  # six joints, which place the root together
