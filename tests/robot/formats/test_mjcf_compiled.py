@@ -484,6 +484,22 @@ def test_shapes_of_the_world_beside_the_robot_are_told() -> None:
         assert note.endswith("left out: hill")
 
 
+@pytest.mark.parametrize("where", ["main", "included"])
+def test_what_mujoco_knows_no_more_is_left_out_of_included_files_too(
+    tmp_path: Path, where: str
+) -> None:
+    old = '<option><flag sensornoise="enable"/></option>'
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/legs.xml").write_text(f"<mujocoinclude>{LEGS}</mujocoinclude>")
+    (tmp_path / "parts/old.xml").write_text(f"<mujoco>{old}</mujoco>")
+    head = old if where == "main" else '<include file="parts/old.xml"/>'
+    path = tmp_path / "robot.xml"
+    path.write_text(text('<include file="parts/legs.xml"/>', head=head))
+    robot = Robot.load(path)
+    assert robot.joint_names == ("left_hip", "right_hip")
+    assert "left out, as MuJoCo knows them no more: <flag sensornoise>" in robot.notes
+
+
 @pytest.mark.parametrize("given", ["file", "text"])
 def test_without_mujoco_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str

@@ -18,7 +18,7 @@ from wbc.errors import ModelError
 from wbc.extras import quietly, require
 from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
 from wbc.robot.formats.mjcf_balls import delete_from, without_balls
-from wbc.robot.formats.xml import refuse_non_finite
+from wbc.robot.formats.xml import read_xml, refuse_non_finite
 from wbc.robot.notes import noted
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
@@ -69,6 +69,8 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
         name = bytes(source.names).split(b"\0")[0].decode(errors="replace")
         return Compiled(mujoco, source, _name_or_stem(name, path))
     if root is not None:
+        root = copy.deepcopy(root)
+        _include(root, (path.parent if isinstance(source, Path) else Path(),), set())
         refuse_non_finite(root, path)
         _refuse_many_copies(root, path)
     with quietly(mujoco), warnings.catch_warnings(record=True) as told:
@@ -90,6 +92,21 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     return replace(found, notes=found.notes + notes)
 
 
+def _include(element: ET.Element, folders: tuple[Path, ...], seen: set[Path]) -> None:
+    """Put what files include into a document; MuJoCo tells what is missing or included twice."""
+    for child in list(element):
+        name = child.get("file", "") if child.tag == "include" else ""
+        file = next((place for one in folders if (place := one / name).is_file()), None)
+        if child.tag != "include":
+            _include(child, folders, seen)
+        elif file is not None and file.resolve() not in seen:
+            seen.add(file.resolve())
+            included = read_xml(file)
+            _include(included, (folders[0], file.parent), seen)
+            k = list(element).index(child)
+            element[k : k + 1] = list(included)
+
+
 def _removed_attributes(root: ET.Element) -> tuple[str, ...]:
     """Return the :data:`REMOVED_ATTRIBUTES` of a document, in words."""
     return tuple(
@@ -102,13 +119,12 @@ def _removed_attributes(root: ET.Element) -> tuple[str, ...]:
 
 
 def _spec_without_removed(mujoco: Any, source: Any, root: ET.Element) -> Any:
-    """Return the specification of a document without :data:`REMOVED_ATTRIBUTES`."""
-    plain = copy.deepcopy(root)
+    """Return the specification of a document without :data:`REMOVED_ATTRIBUTES`, which go."""
     for tag, names in REMOVED_ATTRIBUTES.items():
-        for element in plain.iter(tag):
+        for element in root.iter(tag):
             for name in names:
                 element.attrib.pop(name, None)
-    spec = mujoco.MjSpec.from_string(ET.tostring(plain, encoding="unicode"))
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     if isinstance(source, Path):
         spec.modelfiledir = str(source.parent)
     return spec
