@@ -17,6 +17,7 @@ from wbc.robot.postures import is_standing
 from wbc.robot.sole import lowest_point
 
 LIMIT = urdf.limit(1.5, 50, 5)
+LEFT_RIGHT = ("left", "right")
 LEG = (("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
 ANKLE = (("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0"))
 
@@ -552,3 +553,30 @@ def test_nothing_of_a_foot_of_round_shapes_is_below_its_sole(tmp_path: Path) -> 
     for foot in robot.feet.values():
         joint = int(robot.frame(foot.frame).parentJoint)
         assert abs(lowest_point(robot.model, data, robot.geometry, joint)) < 1e-9
+
+
+@pytest.mark.parametrize("given", [None, {side: {"link": f"{side}_foot"} for side in LEFT_RIGHT}])
+def test_a_robot_whose_root_is_a_foot_stands_on_both(
+    given: dict[str, dict[str, str]] | None,
+) -> None:
+    """As drawn for the stance on one foot: the base's origin is beside the middle of the feet."""
+    sole = box("0 0 0", ".2 .1 .04")
+    parts, below = [link("left_foot", sole)], "left_foot"
+    for name, axis, xyz in (
+        ("left_ankle", "0 1 0", "0 0 .06"),
+        ("left_thigh", "0 1 0", "0 0 .35"),
+        ("pelvis", "1 0 0", "0 0 .35"),
+        ("right_thigh", "1 0 0", "0 -.2 0"),
+        ("right_ankle", "0 1 0", "0 0 -.35"),
+        ("right_foot", "0 1 0", "0 0 -.35"),
+        ("right_sole", "0 1 0", "0 0 -.06"),
+    ):
+        shapes = sole if name == "right_sole" else ""
+        parts += [link(name, shapes), joint(f"{name}_j", below, name, axis, xyz)]
+        below = name
+    content = urdf.robot("biped", *parts).replace("right_foot", "right_toe")
+    robot = Robot.load(content.replace("right_sole", "right_foot"), feet=given)
+    assert [foot.link for foot in robot.feet.values()] == ["left_foot", "right_foot"]
+    assert not any("turned" in note or "feet" in note for note in robot.notes)
+    assert is_standing(robot.model, robot.posture("standing"), robot.feet)
+    np.testing.assert_allclose(robot.posture("standing")[7:], 0.0, atol=1e-9)

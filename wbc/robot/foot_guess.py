@@ -80,8 +80,9 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
         return q, ""
     lefts, rights = _sides(places)
     down, below = _mean(places.values()), _mean(places.values()) - data.oMi[1].actInv(data.com[0])
-    if np.linalg.norm(down) < BELOW_BASE or down @ below < 0.0:
-        down = below  # the base's origin is on the ground, between the feet or below them
+    nearest = min(float(np.linalg.norm(place)) for place in (down, *places.values()))
+    if nearest < BELOW_BASE or down @ below < 0.0:
+        down = below  # the base's origin is on the ground, between the feet, in one or below them
     if np.linalg.norm(down) < BELOW_BASE:
         return q, ""  # legs that stick out, as an ant's, show no direction
     up, left = _axis_along(-down), _axis_along(_mean(lefts) - _mean(rights))
@@ -217,8 +218,13 @@ def guess_links(
 
 
 def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
-    """Return whether a frame is on a body below the base that has mass or shapes."""
+    """Return whether a frame is on a body below the base that has mass or shapes.
+
+    Or the root link itself, if it is called a foot.
+    """
     joint = int(frame.parentJoint)
+    if joint == 1 and foot_of(frame.name) is not None:
+        return not [*_links_above(model, frame)]
     return joint > 1 and (model.inertias[joint].mass > 0.0 or joint not in set(model.parents))
 
 
@@ -352,9 +358,9 @@ def _ambiguous_names(
 ) -> str:
     """Return which links of other legs have a found foot's name, in words; empty if none."""
     # By the first joint below the base: rods beside an ankle are of its leg.
-    legs = {str(frame.name): int(model.supports[frame.parentJoint][2]) for _, frame in named}
+    legs = {str(one.name): int([*model.supports[one.parentJoint], 1][2]) for _, one in named}
     names = [(foot, str(frame.name)) for foot, frame in named if foot in found]
-    others = [name for foot, name in names if legs[name] != legs[found[foot]]]
+    others = [name for foot, name in names if 1 != legs[found[foot]] != legs[name]]  # 1: the root
     chosen = ", ".join(found.values())
     return f"{', '.join(others)} of other legs are called so, too, as {chosen}" if others else ""
 
