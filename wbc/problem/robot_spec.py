@@ -84,7 +84,8 @@ class RobotSpec(Section):
     """The feet by name (left, right, ...); guessed from the names of the links if missing."""
     base: Literal["floating", "fixed"] | None = None
     """fixed: bolted to the world; left out: fixed if there are no feet and the root link is called
-    world, or base of what has no wheels, or carries a single arm."""
+    world, or base of what has no wheels and no links called feet, or carries a single arm; or if
+    the root has no mass and moves by a joint."""
     srdf: Name | None = None
     """File with named postures, relative to this file."""
     package_dirs: Names | None = None
