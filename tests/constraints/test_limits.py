@@ -6,6 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import wbc
+
 from tests import urdf
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, WbcError
@@ -233,6 +235,28 @@ def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str
     weak.speed = 0.4
     np.testing.assert_array_equal(plain.speed, 0.5)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(plain)).speed, 0.5)
+
+
+def test_assigned_accelerations_are_kept_by_a_torque_controller_as_given_ones(
+    hoap2: Robot,
+) -> None:
+    """Before or after it is made: more than half of the torques, and less."""
+    standing = hoap2.posture("standing")
+    here, tasks = hoap2.snapshot(standing), [wbc.PostureTask(hoap2, standing)]
+
+    def controller(limits: Limits) -> wbc.Controller:
+        contacts = wbc.support(here, "double")
+        return wbc.TorqueController(hoap2, tasks, contacts=contacts, limits=limits)
+
+    given = controller(Limits(hoap2, acceleration=2000.0))
+    early, late = Limits(hoap2), Limits(hoap2)
+    early.acceleration = 2000.0
+    controllers = controller(early), controller(late)
+    late.acceleration = 2000.0
+    for one in controllers:
+        one.step(here)
+        np.testing.assert_array_equal(one.limits.acceleration, 2000.0)
+        np.testing.assert_array_equal(one._deceleration, given._deceleration)
 
 
 def test_one_bad_acceleration_among_good_ones_is_refused(hoap2) -> None:

@@ -100,6 +100,8 @@ class Limits(DeclaredAttributes):
     def _set_attribute(self, name: str, value: Any) -> None:
         if name in ("speed", "acceleration") or (name == "speed_up" and value is not None):
             value = _by_joint(f"limits, {name}", value, self.robot.nv - 6)
+            if name == "acceleration":
+                self.__dict__["by_default"] = False
         elif name == "braking":
             one_of("kind of braking", value, BRAKING)
         elif name == "recovery":
@@ -118,7 +120,7 @@ class Limits(DeclaredAttributes):
     speed: ArrayAttribute
     acceleration: ArrayAttribute
     speed_up: Array | None
-    by_default: bool  # whether the accelerations are
+    by_default: bool  # whether the accelerations are: neither given nor assigned
     braking: str
     base_twist: Array
     recovery: float
@@ -142,9 +144,9 @@ class Limits(DeclaredAttributes):
         self._derived: tuple[Limits, ...] = ()  # by within_torques(): assignments reach them too
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
-        self.by_default = acceleration is None
         by_speed = self.speed / DEFAULT_RISE_TIME
         self.acceleration = by_speed if acceleration is None else acceleration
+        self.by_default = acceleration is None
         self.speed_up = None
         if speed_up is not None:
             self.speed_up = _by_joint("limits, speed_up", speed_up, robot.nv - 6)
@@ -168,6 +170,7 @@ class Limits(DeclaredAttributes):
         limits._derived = ()
         able = TORQUE_SHARE * torques / inertia
         limits.acceleration = np.minimum(self.acceleration, able)
+        limits.by_default = True
         self._derived += (limits,)
         return limits
 

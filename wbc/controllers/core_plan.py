@@ -134,6 +134,8 @@ class CorePlan:
         self._names = TickNames(errors, plan.labels, level_names)
         self._costs, self._ends = costs, ends
         self.needs_state, self._braking = needs_state, limits and limits.braking
+        # Decelerations of the torque level's rows were made of these accelerations.
+        self._accelerations = limits.acceleration if torque and limits is not None else None
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self)._with_preferred_columns, (*self._arguments, self.memory.preferred_columns)
@@ -172,6 +174,11 @@ class CorePlan:
             dt == self._dt
             and limits is self._limits
             and (limits is None or limits.braking == self._braking)
+            and (
+                limits is None
+                or self._accelerations is None
+                or limits.acceleration is self._accelerations
+            )
             and (self.margin is None or self.margin.is_current())
         )
 
