@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 import wbc
-
 from tests import urdf
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, WbcError

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
+import wbc
 from wbc.constraints import Bounds, Constraint, Limits, Margin, support
 from wbc.constraints.rows import Distances
 from wbc.controllers import KinematicController, TorqueController
@@ -365,3 +366,20 @@ def test_nothing_near_may_be_an_infinite_clearance(hoap2) -> None:
     rope.change = lambda distances: distances._replace(clearance=np.full(2, np.inf))
     with np.errstate(all="raise"):
         assert controller.step(here).ok
+
+
+def test_errors_are_deviations_in_a_tick_without_a_solution_too(hoap2) -> None:
+    class Mine(wbc.MomentumTask):
+        def residual(self, snapshot):
+            return super().residual(snapshot)
+
+    here = hoap2.snapshot(hoap2.posture("standing"), np.full(hoap2.nv, 0.1))
+    place, level = here.position("left_sole"), here.rotation("left_sole")
+    contacts = [
+        wbc.Contact(hoap2, "left_sole", place, level),
+        wbc.PointContact(hoap2, "left_foot", place + 1.0, level),
+    ]
+    controller = wbc.KinematicController(hoap2, [Mine(hoap2)], contacts=contacts)
+    tick = controller.step(here)
+    assert not tick.ok
+    np.testing.assert_allclose(tick.errors["momentum"], here.momentum, rtol=1e-9)

@@ -416,7 +416,7 @@ class Controller(DeclaredAttributes, ABC):
         """Return the fields of a tick without a solution, by the declared policy."""
         velocity, slack = self._fallback(snapshot, outcome)
         velocity.setflags(write=False)
-        known = self._extra_fields(outcome, snapshot) | {"errors": outcome.core_tick.errors}
+        known = {"errors": outcome.core_tick.errors} | self._extra_fields(outcome, snapshot)
         solution = outcome.solution
         return known | {
             "velocity": velocity,
