@@ -11,6 +11,7 @@ from wbc.constraints.margin import SKIN, USED
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
+from wbc.shaping import GlobalShaping
 from wbc.shaping.evaluation import IPOPT_TOLERANCES, kept_constraints, violations
 from wbc.shaping.motion import GuidingTasks, worst_violations
 from wbc.shaping.nlp import BuiltNlp, build_nlp
@@ -109,6 +110,36 @@ def test_an_obstacle_that_moves_along_one_axis_is_refused(hoap2, axis: int) -> N
                          [Obstacles(hoap2, [ball])])  # fmt: skip
     with pytest.raises(InvalidInputError, match="'ball' moves"):
         build_nlp(problem)
+
+
+def test_what_is_derived_is_not_searched_for_as_what_it_is_derived_from(hoap2) -> None:
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
+
+    class Lower(ComTask):
+        def residual(self, snapshot):
+            found = super().residual(snapshot)
+            return found._replace(error=found.error + [0.0, 0.0, 0.03])
+
+    class Symbolic(Lower):
+        def symbolic_error(self, posture):
+            return super().symbolic_error(posture) + [0.0, 0.0, 0.03]
+
+    class Named(ComTask):
+        """No other than its parent."""
+
+    class Smaller(PositionBox):
+        def distances(self, snapshot, keys=None):
+            return super().distances(snapshot, keys)
+
+    with pytest.raises(InvalidInputError, match=r"'com' is a Lower, .* define symbolic_error\(\)"):
+        GlobalShaping(hoap2, [Lower(hoap2, here.com)])
+    box = Smaller(hoap2, "base", here.com - 1.0, here.com + 1.0)
+    with pytest.raises(InvalidInputError, match=r"is a Smaller, .* define symbolic_rows\(\)"):
+        GlobalShaping(hoap2, [Named(hoap2, here.com)], constraints=[box])
+    rest = PostureTask(hoap2, q, weight=1e-3)
+    best = GlobalShaping(hoap2, [Symbolic(hoap2, here.com), rest]).solve(q, 1, workers=1).best
+    np.testing.assert_allclose(best.errors["com"], 0.0, atol=1e-3)
 
 
 # ---------------------------------------------------------------------- keeping apart

@@ -110,4 +110,24 @@ def check_parts(
             f"global shaping: constraint {one.name!r} is a {type(one).__name__}, which has no"
             " margin to measure; leave it to the controller that moves there"
         )
+    for part in (*tasks, *contacts):
+        _refuse_inherited(part, "residual", "symbolic_error")
+    for margin in margins:
+        _refuse_inherited(margin, "distances", "symbolic_rows")
     return margins
+
+
+def _refuse_inherited(part: Task | Margin, numbers: str, symbols: str) -> None:
+    """Refuse a kind of one's own that defines ``numbers`` anew and inherits ``symbols``.
+
+    The search would be for what it is derived from.
+    """
+    for owner in (part, *type(part).__mro__):
+        if symbols in vars(owner) or getattr(owner, "_tested", True):
+            return
+        if numbers in vars(owner):
+            raise InvalidInputError(
+                f"global shaping: {part.name!r} is a {type(part).__name__}, which defines"
+                f" {numbers}() anew and inherits {symbols}(), which the search minimises or keeps:"
+                f" define {symbols}() too, or leave it to the controller that moves there"
+            )
