@@ -14,6 +14,7 @@ import wbc
 from wbc.controllers.saved_tick import SavedTick
 from wbc.controllers.tick import TICK_FILE
 from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.qp import installed_solvers
 from wbc.robot import Robot
 from wbc.safe_pickle import read_pickled, write_pickled
 
@@ -69,6 +70,13 @@ def test_failed_and_relaxed_ticks_are_answered_to_the_last_bit(
         assert again.tick.velocity.tobytes() == tick.velocity.tobytes()
         assert again.tick.report() == tick.report()
     assert given_up >= 2
+
+
+@pytest.mark.parametrize("solver", installed_solvers())
+def test_ticks_of_every_solver_are_read_again(hoap2, rng, tmp_path: Path, solver: str) -> None:
+    controller, path = wild(hoap2, "velocity", rng, solver=solver), tmp_path / "tick.wbc"
+    controller.step(hoap2.snapshot(hoap2.posture("standing"))).save(path)
+    assert SavedTick.load(path).replay().same
 
 
 def test_a_contradiction_is_answered_again_with_its_names(hoap2, tmp_path: Path) -> None:

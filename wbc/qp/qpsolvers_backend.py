@@ -6,7 +6,6 @@ import importlib
 import warnings
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -83,10 +82,12 @@ class QpsolversBackend:
         self._settings = accuracy | settings
         cap = {"max_iter": _QUICK[name]} if name in _QUICK else {}
         self._quick = accuracy | cap | settings
-        maker = np.array if name in qpsolvers.dense_solvers else csc_matrix
-        self._matrix = partial(maker, dtype=np.float64)
+        self._dense = name in qpsolvers.dense_solvers
         if settings:
             self._try_settings(settings)
+
+    def _matrix(self, matrix: Array) -> Array | csc_matrix:
+        return (np.array if self._dense else csc_matrix)(matrix, dtype=np.float64)
 
     def _try_settings(self, settings: Mapping[str, Any]) -> None:
         """Solve a QP of one unknown: solvers look at their settings when they solve."""
