@@ -41,6 +41,20 @@ def test_a_prediction_is_the_motion_by_what_was_commanded(delay: float, hoap2: R
     np.testing.assert_allclose(ahead.v, v, atol=1e-14)
 
 
+def test_a_snapshot_that_is_given_again_is_as_one_made_anew(hoap2: Robot) -> None:
+    """As of a sensor that is slower than the loop."""
+    q, v = hoap2.posture("standing"), np.full(hoap2.nv, 0.1)
+    commands = []
+    for again in (lambda here: here, lambda here: hoap2.snapshot(here.q, here.v)):
+        task = wbc.PostureTask(hoap2, q)
+        made = wbc.TorqueController(hoap2, [task], contacts=(), dt=DT, delay=2 * DT)
+        here = hoap2.snapshot(q, v)
+        for _ in range(3):
+            tick = made.step(again(here))
+        commands.append(tick.torque)
+    np.testing.assert_array_equal(*commands)
+
+
 def test_before_any_command_a_velocity_lasts(hoap2: Robot) -> None:
     v = 0.1 * np.random.default_rng(6).normal(size=hoap2.nv)
     here = hoap2.snapshot(hoap2.posture("standing"), v)

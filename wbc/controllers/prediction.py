@@ -59,6 +59,7 @@ class StatePrediction:
     def record(self, acceleration: Array) -> None:
         """Add the acceleration (nv,) of the last command."""
         self._accelerations.append(acceleration)
+        self._last = None
 
     def reset(self) -> None:
         """Forget the commands: the robot was put elsewhere."""
