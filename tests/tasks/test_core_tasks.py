@@ -20,6 +20,7 @@ from wbc.tasks import (
     PostureTask,
     RelativePoseTask,
     Task,
+    TorqueTask,
 )
 
 DT = 0.002
@@ -56,6 +57,31 @@ def test_contact_of_ones_own_bears_what_a_contact_does(hoap2, here, slack) -> No
     assert ticks[0].ok
     np.testing.assert_allclose(ticks[1].torque, ticks[0].torque, atol=1e-6)
     np.testing.assert_allclose(ticks[1].errors["cop"], ticks[0].errors["cop"], atol=1e-6)
+
+
+class TorqueOfMyOwn(TorqueTask):
+    """Asked in Python, for the same; it asks for the dynamics before the QP is set up."""
+
+    def expression(self, dynamics):
+        return super().expression(dynamics)
+
+
+def test_contact_of_ones_own_bears_at_the_frame_that_it_is_given_later(hoap2, here) -> None:
+    """It pushes with a hand at first; both feet stand."""
+    found = []
+    for later in (False, True):
+        place, level = here.position("left_sole"), here.rotation("left_sole")
+        frame = "left_hand" if later else "left_sole"
+        own = Own(hoap2, frame, place, level, corners=[[0.02, 0.02], [0.02, -0.02], [-0.02, 0.0]])
+        held = [own, Contact.hold(here, "right_sole")]
+        tasks = [PostureTask(hoap2, here.q), TorqueOfMyOwn(hoap2)]
+        controller = TorqueController(hoap2, tasks, contacts=held, dt=DT, solver="active_set")
+        if later:
+            controller.step(here)
+            own.frame = "left_sole"
+        found.append(controller.step(here))
+    assert found[0].policy is None
+    np.testing.assert_allclose(found[1].torque, found[0].torque, atol=1e-9)
 
 
 def in_python(kind: type[Task]) -> type[Task]:

@@ -192,20 +192,27 @@ class PythonPart(Part):
         self._index, self._shape = slice(None) if self.selected is None else self.selected, (k, nv)
         sizes = (k * nv, k, nv, *([nv * nv] if self._has_curvature else []))
         numbers = [np.zeros(size) for size in sizes]
-        frame = task.frame if isinstance(task, Contact) else None  # at which its forces act
         entries = tuple(range(len(task.rows)))
-        self.rows = (NativeRows(Kind.ASKED, frame, entries, none, none, tuple(numbers)),)
+        self.rows = (NativeRows(Kind.ASKED, self._frame, entries, none, none, tuple(numbers)),)
 
     @property
     def second_order(self) -> bool:
         """Whether the cost includes the residual's curvature."""
         return self._has_curvature
 
+    @property
+    def _frame(self) -> str | None:
+        """Frame at which a contact's forces act."""
+        return self.task.frame if isinstance(self.task, Contact) else None
+
     def write(self, dt: float) -> bool:
         """Write law and weights of a changed task; :meth:`fill` writes the rest in each tick."""
+        (rows,) = self.rows or ()
+        if self.singular != self._singular or self._frame != rows.frame:
+            return False
         self.changes = self.task._changes
-        self._write_law(self.rows or (), dt)
-        return self.singular == self._singular
+        self._write_law((rows,), dt)
+        return True
 
     def fill(self, evaluation: TaskEvaluation) -> bool:
         """Write a tick's residual; False: its curvature was not planned, or it has none."""
