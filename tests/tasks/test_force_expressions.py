@@ -14,6 +14,7 @@ from wbc.constraints import Contact, FrictionCone, PointContact
 from wbc.controllers import TorqueController
 from wbc.controllers.contact_forces import Reaction
 from wbc.controllers.dynamics import TickDynamics
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import (
     ContactForceTask,
@@ -158,6 +159,9 @@ def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, hoap2: Robot, r
     parts = [later.wrenches[frame] - last.get(frame, none) for frame in FRAMES]
     np.testing.assert_allclose(later.error(task), np.concatenate((*parts, none)), atol=1e-9)
     assert ForceRateTask(hoap2).frames == ("left_sole", "right_sole")
+    for one in (task, lone):  # their rows are those of the frames
+        with pytest.raises(InvalidInputError, match="frames cannot be assigned; make another"):
+            one.frames = ("left_sole",)
     assert task.units == ("N", "N", "N", "N m", "N m", "N m") * 4
 
 

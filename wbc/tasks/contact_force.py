@@ -77,6 +77,7 @@ class LoadShareTask(ForceTask):
     """
 
     frames: tuple[str, ...]
+    _fixed = ForceTask._fixed | {"frames": "make another task"}
 
     def __init__(
         self,
@@ -129,6 +130,7 @@ class ForceRateTask(ForceTask):
     """
 
     frames: tuple[str, ...]
+    _fixed = ForceTask._fixed | {"frames": "make another task"}
 
     def __init__(
         self,
