@@ -140,6 +140,16 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
     plain.change(tasks=[CALM])
 
 
+def test_limits_whose_own_box_would_not_be_asked_are_refused() -> None:
+    class Slow(Limits):
+        def box(self, snapshot, dt):  # type: ignore[no-untyped-def]
+            return -np.ones(ROBOT.nv), np.ones(ROBOT.nv)
+
+    for kind in (KinematicController, TorqueController):
+        with pytest.raises(InvalidInputError, match=r"box\(\) of a Slow would not be asked"):
+            kind(ROBOT, [CALM], contacts=HELD, limits=Slow(ROBOT))
+
+
 def test_what_is_assigned_is_checked_as_what_is_given() -> None:
     calm = PostureTask(ROBOT, START.q)
     plain, bears = made([calm]), TorqueController(ROBOT, [calm], contacts=HELD)

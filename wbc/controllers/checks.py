@@ -254,6 +254,11 @@ def check_parts(
             )
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInputError(f"controller, limits: expected Limits or None, got {shown(limits)}")
+    if limits is not None and type(limits).box is not Limits.box:
+        raise InvalidInputError(
+            f"controller, limits: box() of a {type(limits).__name__} would not be asked; assign"
+            " speed, acceleration or speed_up, or write a Constraint with rows() of your own"
+        )
     if not len(tasks):
         raise InvalidInputError("controller: no task given; there is nothing to do")
     parts: list[Task | Constraint | Limits] = [*tasks, *contacts, *constraints]
