@@ -79,6 +79,20 @@ def test_ticks_of_every_solver_are_read_again(hoap2, rng, tmp_path: Path, solver
     assert SavedTick.load(path).replay().same
 
 
+def test_warm_start_of_a_level_above_is_told(hoap2, rng, tmp_path: Path) -> None:
+    """The saved answer is changed: whether bits differ is up to ProxQP."""
+    controller, path = wild(hoap2, "velocity", rng), tmp_path / "tick.wbc"
+    below = wbc.OrientationTask(hoap2, "base", np.eye(3), priority=1)
+    for tasks in (controller.tasks, [*controller.tasks, below]):
+        controller.change(tasks=tasks)
+        controller.step(hoap2.snapshot(hoap2.posture("standing"))).save(path)
+        saved = SavedTick.load(path)
+        saved.answer["velocity"] = 0.9 * saved.answer["velocity"]
+        saved.answer["solver"] = "cholesky"
+        told = saved.replay().differences
+        assert any("warm start" in one for one in told) == (below in tasks), told
+
+
 def test_a_contradiction_is_answered_again_with_its_names(hoap2, tmp_path: Path) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
     here = start.position("left_sole")

@@ -111,7 +111,10 @@ class SavedTick(NamedTuple):
                     found.append(f"{name} by at most {by:.3g}")
             elif before != after and name != "report":
                 found.append(f"{name} was {before}, is {after}")
-        if found and self.answer.get("solver") == "proxqp":
+        # The answer is the last level's: those above may be ProxQP's.
+        cascade = len(self.controller.plan.levels) > 1
+        solver = self.controller.backend.name if cascade else self.answer.get("solver")
+        if found and solver == "proxqp":
             found.append("ProxQP began from a warm start, which is not in the file")
         here = made_with()
         others = [f"{k} {v}, here {here.get(k)}" for k, v in self.versions.items() if v != here[k]]
