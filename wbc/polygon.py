@@ -19,15 +19,17 @@ CONVEX = 1e-9
 FLAT = 1e-9
 
 
-def convex_hull(points: Array) -> Array:
+def convex_hull(points: Array, flat: float = 0.0) -> Array:
     """Return the corners (k, 2) of the convex hull of points (n, 2), counter-clockwise.
 
-    Andrew's monotone chain; collinear and repeated points are dropped.
+    Andrew's monotone chain; collinear and repeated points are dropped. ``flat``: so are corners
+    that turn left by less, as a fraction of the points' extent squared; 0 keeps what rounding made.
     """
     rows = sorted({(float(x), float(y)) for x, y in points})
     if len(rows) < 3:
         return np.array(rows).reshape(-1, 2)  # a point or a segment is its own hull
-    lower, upper = _chain(rows), _chain(rows[::-1])
+    least = flat * float(np.square(np.ptp(rows, axis=0)).sum()) if flat else 0.0
+    lower, upper = _chain(rows, least), _chain(rows[::-1], least)
     return np.array(lower[:-1] + upper[:-1])
 
 
@@ -185,10 +187,10 @@ def nearest_point(polygon: Array, points: Array) -> Array:
     return np.where(left.all(axis=-1, keepdims=True), points, nearest)
 
 
-def _chain(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _chain(rows: list[tuple[float, float]], least: float) -> list[tuple[float, float]]:
     chain: list[tuple[float, float]] = []
     for point in rows:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= least:
             chain.pop()
         chain.append(point)
     return chain

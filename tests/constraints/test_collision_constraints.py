@@ -229,6 +229,15 @@ def test_rows_follow_a_moving_obstacle(hoap2, here, rng) -> None:
 # ------------------------------------------------------------------------------ CoM and boxes
 
 
+def test_edges_in_line_are_one_row_wherever_the_robot_stands(hoap2) -> None:
+    """Of two soles side by side: four edges, those of the soles' fronts and backs in line."""
+    for yaw in np.linspace(-3.0, 3.0, 25):
+        q = hoap2.posture("standing")
+        q[:3] += [3.0, -2.0, 0.5]
+        q[3:7] = [0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw)]
+        assert len(ComSupport.over(hoap2.snapshot(q)).corners) == 4
+
+
 def test_the_com_stays_over_its_support(hoap2, here) -> None:
     held = ComSupport.over(here, margin=0.01)
     pull = ComTask(hoap2, here.com + [0.3, 0.05, 0.0], gain=0.2)

@@ -12,7 +12,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, BrakingParameters, Margin, point_curvature_bound
 from wbc.constraints.rows import Distances, Index, SymbolicRows, take
 from wbc.errors import InvalidInputError
-from wbc.polygon import convex_hull
+from wbc.polygon import CONVEX, convex_hull
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
 from wbc.validate import Array, clearance, finite_array, names_of, read_only
@@ -78,7 +78,7 @@ class ComSupport(Margin):
         """Change the polygon, for instance when a foot is lifted; see the class."""
         count = len(polygon) if isinstance(polygon, Sized) else 0
         points = finite_array("com support, polygon", polygon, (count, 2))
-        corners = convex_hull(points)
+        corners = convex_hull(points, CONVEX)  # of edges in line one row, not one for each sole
         edges = np.roll(corners, -1, axis=0) - corners
         lengths = np.linalg.norm(edges, axis=1)
         if len(corners) < 3:
