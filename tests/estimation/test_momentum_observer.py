@@ -1,13 +1,16 @@
 """Forces from outside, by torques: against the equations of motion that Pinocchio integrates."""
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.estimation import MomentumObserver
+from wbc.estimation import ImuReading, Measurement, MomentumObserver, StateEstimator
+from wbc.hardware.postures import standing_torque
 from wbc.robot import Robot
+from wbc.robot.passive import PassiveForces, Spring
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
@@ -62,3 +65,34 @@ def test_a_foot_in_the_air_bears_nothing(name: str, robot_named: Callable[[str],
         observer.update(q, v, torque, 0.002)
     assert abs(observer.wrenches["left"][2]) < 0.12 * robot.weight
     assert observer.wrenches["right"][2] == pytest.approx(wrench[2], abs=0.12 * robot.weight)
+
+
+def test_springs_bear_no_foot(hoap2: Robot, rng: np.random.Generator) -> None:
+    """Knees on springs, bent: 40 N m of theirs were taken for forces on the soles."""
+    spring = Spring(50.0, (0.0, 0.0), 0.0)
+    robot = copy.copy(hoap2)
+    knees = [name for name in robot.joint_names if "knee" in name]
+    object.__setattr__(robot, "passive", PassiveForces(dict.fromkeys(knees, spring)))
+    q, zero = robot.posture(joints={"*knee*": 0.8}), np.zeros(robot.nv)
+    s = robot.snapshot(q)
+    J = np.vstack([s.jacobian(foot.frame) for foot in robot.feet.values()])
+    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
+    wrenches = np.linalg.lstsq(J[:, :6].T, gravity[:6], rcond=None)[0]
+    needed = gravity - J.T @ wrenches
+    for name in knees:
+        needed[robot.joint_index(name)] += 50.0 * 0.8
+    observer = MomentumObserver(robot)
+    for _ in range(100):
+        observer.update(q, zero, needed[6:], 0.002)
+    estimator, estimate = StateEstimator(robot), None
+    for k in range(400):
+        rate, force = 1e-4 * rng.normal(size=(2, 3))
+        imu = ImuReading("imu", rate, force + (0.0, 0.0, 9.81))
+        estimate = estimator.update(Measurement(0.002 * k, q[7:], zero[6:], needed[6:], (imu,)))
+    assert estimate is not None
+    for found in (observer.wrenches, estimate.forces):
+        for k, foot in enumerate(robot.feet):
+            assert found[foot][2] == pytest.approx(wrenches[6 * k + 2], abs=0.05 * robot.weight)
+    assert standing_torque(s, [foot.frame for foot in robot.feet.values()]) == pytest.approx(
+        needed[6:], abs=1e-9
+    )

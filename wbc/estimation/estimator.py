@@ -237,7 +237,8 @@ class StateEstimator:
         # The message keeps these arrays for as long as the core reads them.
         sample.positions = doubles(m.positions)
         sample.velocities = ffi.NULL if m.velocities is None else doubles(m.velocities)
-        sample.torques = ffi.NULL if m.torques is None else doubles(m.torques)
+        torques = self._joint_torques(m)
+        sample.torques = ffi.NULL if torques is None else doubles(torques)
         out = np.empty(core.out)
         status = lib.wbc_estimator_update(core.struct, sample, doubles(out))
         if status == lib.STANDING:
@@ -254,6 +255,16 @@ class StateEstimator:
                 raise
         self._last = estimate
         return estimate
+
+    def _joint_torques(self, m: Measurement) -> Array | None:
+        """Return what motors and springs give (n,): the core knows of no springs."""
+        if m.torques is None or not self.robot.passive:
+            return m.torques
+        q, v = self.robot.postures["neutral"].copy(), np.zeros(self.robot.nv)
+        self.robot.limits.write_positions(q, m.positions)
+        if m.velocities is not None:
+            v[BASE_NV:] = m.velocities
+        return m.torques + self.robot.passive_forces(q, v)[BASE_NV:]
 
     def _load_shares(self, m: Measurement) -> Any:
         """Return the pointer to the feet's loads, in units of the weight."""

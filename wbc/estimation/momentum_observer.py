@@ -133,7 +133,8 @@ class MomentumObserver:
     def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
         """Update by the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
-        The joints' damping and dry friction in the model are subtracted from the torques.
+        The joints' damping and dry friction in the model are subtracted from the torques, and what
+        springs give is added.
 
         Raises
         ------
@@ -143,6 +144,8 @@ class MomentumObserver:
         q, v = self.robot.check_configuration(q), self.robot.check_velocity(v)
         torque = finite_array("momentum observer, torque", torque, (self.robot.nv - BASE_NV,))
         step = finite_number("momentum observer, dt", dt, least=0.0)
+        if self.robot.passive:
+            torque = torque + self.robot.passive_forces(q, v)[BASE_NV:]
         lib.wbc_momentum_update(self.struct, *map(doubles, (q, v, torque)), step)
 
     def memory(self) -> Array:

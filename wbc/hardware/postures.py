@@ -95,12 +95,14 @@ class CrouchPath:
 def standing_torque(snapshot: Snapshot, frames: Sequence[str]) -> Array:
     """Return the joint torques (n,) of a robot at rest that stands on frames.
 
-    The contact wrenches are the least-norm ones that bear the weight: S' tau = g - J' f.
+    The contact wrenches are the least-norm ones that bear the weight: S' tau = g - J' f, less what
+    springs give.
     """
     rest = snapshot.robot.snapshot(snapshot.q)
+    needed = rest.bias - rest.robot.passive_forces_at(rest)
     J = np.vstack([rest.jacobian(frame) for frame in frames])
-    wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, rest.bias[:BASE_NV], rcond=None)[0]
-    return (rest.bias - J.T @ wrenches)[BASE_NV:]
+    wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, needed[:BASE_NV], rcond=None)[0]
+    return (needed - J.T @ wrenches)[BASE_NV:]
 
 
 class PostureMotion:

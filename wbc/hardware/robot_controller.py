@@ -307,10 +307,11 @@ class RobotController:
         """
         s = self.robot.snapshot(q)
         J = np.vstack([s.jacobian(foot.frame) for foot in self.robot.feet.values()])
-        wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, s.bias[:BASE_NV], rcond=None)[0]
+        needed = s.bias - self.robot.passive_forces_at(s)
+        wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, needed[:BASE_NV], rcond=None)[0]
         bearing = J[:, BASE_NV:].T @ wrenches
         square = float(bearing @ bearing)
-        return float(bearing @ (s.bias[BASE_NV:] - torque)) / square if square > 0.0 else 0.0
+        return float(bearing @ (needed[BASE_NV:] - torque)) / square if square > 0.0 else 0.0
 
 
 def stance_of(robot: Robot, q: Array) -> tuple[Array, float]:
