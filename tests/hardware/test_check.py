@@ -19,6 +19,7 @@ from wbc.hardware.setup import Where, safety_of
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.profiles import by_pattern
 from wbc.robot import Robot
+from wbc.rotations import quaternion_from
 
 PERIOD, FOLLOW = 0.002, 0.02  # s between readings, and of the joints' motion
 ELBOW, SHOULDER, WRIST = "left_elbow_joint", "left_shoulder_roll_joint", "right_wrist_roll_joint"
@@ -236,3 +237,25 @@ def test_the_command_names_a_joint_that_is_wrong_and_ends_with_an_error(
     hanging.sign[g1.joint_names.index(ELBOW)] = -1.0
     code, told = told_by(monkeypatch, hanging, g1, "--move", "--priority", "0")
     assert code != 0 and told.count("WRONG") == 1 and "its sign is swapped" in told
+
+
+def test_a_robot_is_upright_by_an_imu_that_is_mounted_tilted(
+    g1: Robot, hanging: HangingRobot
+) -> None:
+    """By its camera's, which looks down by 0.8 rad, it had fallen, and could not stand up."""
+    profile = replace(profile_named("unitree_g1"), imu="d435_link")
+    R = g1.snapshot(g1.postures["standing"]).rotation("d435_link")
+    turns = quaternion_from(R)
+
+    def mounted(reading: Reading) -> Reading:
+        return replace(reading, quaternion=turns, specific_force=R.T @ reading.specific_force)
+
+    hanging.change = mounted
+    assert not wrong(listen(hanging, g1, 0.5, up=profile.up(g1)))
+    safety = safety_of(g1, profile, PERIOD)
+    hanging.sent = -1
+    reading = hanging.read()
+    assert reading is not None
+    safety.measured(reading)
+    safety.judge(0.0)
+    assert not safety.present

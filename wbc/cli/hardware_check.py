@@ -53,7 +53,7 @@ def check(
     with real_time(priority) as not_granted:
         for note in not_granted:
             print_note(note)
-        for finding in listen(end, loaded):
+        for finding in listen(end, loaded, up=profile.up(loaded)):
             report(finding)
         if wrong:
             complain("joints are not moved before this is fixed")

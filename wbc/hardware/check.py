@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.errors import WbcError
 from wbc.hardware.bus import Bus, Command, Reading
@@ -47,8 +48,15 @@ class CheckGains:
     kd: Array
 
 
-def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
+def listen(
+    bus: Bus, robot: Robot, seconds: float = 2.0, *, up: ArrayLike = (0.0, 0.0, 1.0)
+) -> list[CheckFinding]:
     """Listen without commanding; return findings about bus and sensors.
+
+    Parameters
+    ----------
+    up:
+        The axis of the IMU (3,) that is vertical when the robot stands.
 
     Raises
     ------
@@ -103,17 +111,19 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
         others = commands_heard()
         seen = "commands of another program: end it" if others else "nobody else commands"
         found.append(CheckFinding("alone", not others, seen))
-    return found + _check_at_rest(robot, readings, last)
+    return found + _check_at_rest(robot, readings, last, np.asarray(up))
 
 
-def _check_at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:
+def _check_at_rest(
+    robot: Robot, readings: list[Reading], last: Reading, axis: Array
+) -> list[CheckFinding]:
     limits = robot.limits
     overrun = np.maximum(last.position - limits.upper, limits.lower - last.position)
     worst = int(overrun.argmax())
     force = np.mean([one.specific_force for one in readings], axis=0)
     rate = float(np.linalg.norm(np.mean([one.angular_velocity for one in readings], axis=0)))
     vertical = rotation_from(last.quaternion)[2]
-    up = float(vertical[2])
+    up = float(vertical @ axis)
     direction = force / max(float(np.linalg.norm(force)), 1e-9)
     gravity = float(vertical @ direction)
     angle = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -107,6 +108,7 @@ def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:
     kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
     damping = by_pattern(robot, profile.damping)
     limits = SafetyLimits.of(robot, GAIN_MARGIN * kp, GAIN_MARGIN * kd)
+    limits = replace(limits, up=profile.up(robot))
     return Safety(limits, damping, dt)
 
 

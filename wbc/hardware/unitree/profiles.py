@@ -20,6 +20,7 @@ from wbc.estimation import ImuMount
 from wbc.kinds import one_of
 from wbc.robot import Robot
 from wbc.robot.names import BASE
+from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
 PITCH_ROLL = 0  # ankles and waist are commanded by pitch and roll, not by their two motors
@@ -66,6 +67,12 @@ class Profile:
     def mount(self, robot: Robot) -> ImuMount:
         """Return the mount of the IMU; at the base if the robot's model lacks its frame."""
         return ImuMount(frame=self.imu if self.imu in robot.frame_indices else BASE)
+
+    def up(self, robot: Robot) -> tuple[float, float, float]:
+        """Return the axis (3,) of the IMU that is vertical when the robot stands."""
+        standing = robot.snapshot(robot.postures[STANDING])
+        x, y, z = standing.rotation(self.mount(robot).frame)[2].tolist()
+        return x, y, z
 
     def order(self, robot: Robot) -> NDArray[np.int64]:
         """Return the number of the motor of each joint (nv-6,).
