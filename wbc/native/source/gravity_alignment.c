@@ -3,6 +3,7 @@
 #include "rotation.h"
 
 static const double TILT = 0.05; /* rad: standard deviation of that tilt */
+static const double STEEP = 0.8; /* vertical part of an axis that has no heading */
 static const double PI = 3.14159265358979323846;
 
 static void rotation_of(const double *r, double *R) {
@@ -36,19 +37,22 @@ int wbc_align_to_gravity(const wbc_estimator *e, const double *rate, const doubl
     const double *soles = e->frames + e->imus * size, *imu = soles + e->feet * size;
     const double *own = imu + FRAME_ROTATION, *start = e->start, *gravity = e->filter->gravity;
     const double weight = sqrt(dot3(gravity, gravity)), felt = sqrt(dot3(force, force));
-    double up[3], along[3], R_shortest[9], forwards[3], wanted[2] = {1.0, 0.0}, by[3] = {0.0, 0.0, 0.0}, Z[9], R[9];
+    double up[3], along[3], R_shortest[9], axis[3], by[3] = {0.0, 0.0, 0.0}, Z[9], R[9];
     double state[FILTER_FEET] = {0.0}, P[SHOWN * SHOWN] = {0.0}, base[3], at[3];
     e->detail[0] = felt;
     if (!(felt >= 0.5 * weight)) return NO_GRAVITY;
     const int told = start[3] != 0.0 || start[4] != 0.0 || start[5] != 0.0 || start[6] != 0.0;
     for (int i = 0; i < 3; i++) up[i] = -gravity[i] / weight, along[i] = force[i] / felt;
     shortest_rotation(along, up, R_shortest); /* with an arbitrary heading */
-    times3(R_shortest, own, forwards);
-    if (told) { /* heading of the base's x axis */
-        wanted[0] = 1.0 - 2.0 * (start[4] * start[4] + start[5] * start[5]);
-        wanted[1] = 2.0 * (start[3] * start[4] + start[6] * start[5]);
+    times3(R_shortest, own, axis);            /* the base's x axis, or its y axis where that is steep */
+    const int y = fabs(axis[2]) > STEEP;
+    double wanted[2] = {!y, y};
+    if (y) times3(R_shortest, own + 3, axis);
+    if (told) {
+        wanted[y] = 1.0 - 2.0 * (start[4 - y] * start[4 - y] + start[5] * start[5]);
+        wanted[!y] = 2.0 * (start[3] * start[4] + (y ? -1.0 : 1.0) * start[6] * start[5]);
     }
-    by[2] = atan2(wanted[1], wanted[0]) - atan2(forwards[1], forwards[0]);
+    by[2] = atan2(wanted[1], wanted[0]) - atan2(axis[1], axis[0]);
     rotation_of(by, Z);
     product3(Z, R_shortest, state);
     for (int i = 0; i < 3; i++)
