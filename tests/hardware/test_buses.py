@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -299,6 +300,26 @@ def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
     message = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
     fill(message, {"header": joints["header"], "name": joints["name"]})
     assert message.header.stamp.nanosec == 42_000_000 and message.name == list(g1.joint_names)
+
+
+def test_ros_messages_are_read_as_their_dictionaries(g1: Robot, reading: Reading) -> None:
+    """Messages ended in a TypeError, a missing field in a KeyError; of a joint twice one counted."""
+
+    def message(fields: dict[str, Any]) -> SimpleNamespace:
+        parts = {k: message(one) if isinstance(one, dict) else one for k, one in fields.items()}
+        return SimpleNamespace(**parts)
+
+    joints = joint_state(g1, reading)
+    base = odometry(g1.postures["standing"], np.zeros(g1.nv), 1.0)
+    for q, q_of_message in zip(
+        state_of(g1, joints, base), state_of(g1, message(joints), message(base)), strict=True
+    ):
+        np.testing.assert_array_equal(q, q_of_message)
+    with pytest.raises(InvalidInputError, match="Odometry: no twist"):
+        state_of(g1, joints, {"pose": base["pose"]})
+    double = {key: [*joints[key], joints[key][0]] for key in ("name", "position", "velocity")}
+    with pytest.raises(InvalidInputError, match=f"twice {g1.joint_names[0]}"):
+        state_of(g1, double, base)
 
 
 def test_a_ring_is_shared_with_the_process_that_writes(tmp_path: Path) -> None:

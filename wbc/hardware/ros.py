@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.errors import InvalidInputError, listed
+from wbc.errors import InvalidInputError, listed, shown
 from wbc.hardware.bus import Reading
 from wbc.hardware.robot_controller import configuration
 from wbc.robot import Robot
@@ -90,46 +90,51 @@ def odometry(
     }
 
 
-def state_of(
-    robot: Robot, joints: Mapping[str, Any], base: Mapping[str, Any]
-) -> tuple[Array, Array]:
+def state_of(robot: Robot, joints: Any, base: Any) -> tuple[Array, Array]:
     """Return configuration (nq,) and velocity (nv,) of a ``JointState`` and an ``Odometry``.
 
-    Joints, and the entries of a vector, may come in any order; other joints are ignored.
+    Both are dictionaries as above, or ROS messages. Joints, and the entries of a vector, may come
+    in any order; other joints are ignored.
 
     Raises
     ------
     InvalidInputError
-        A joint of the robot, a rate or another field is missing, or numbers that are not finite.
+        A joint of the robot, a rate or another field is missing, a joint comes twice, or numbers
+        that are not finite.
     """
-    places = {name: k for k, name in enumerate(joints["name"])}
-    without = [name for name in robot.joint_names if name not in places]
-    if without:
-        raise InvalidInputError(f"JointState: no joint {listed(without)} of {robot.name}")
-    order = [places[name] for name in robot.joint_names]
+    names, rows = list(_field(joints, "JointState", "name")), list[Array]()
+    for found, what in ((0, "no joint"), (2, "twice")):
+        wrong = [name for name in robot.joint_names if min(names.count(name), 2) == found]
+        if wrong:
+            raise InvalidInputError(f"JointState: {what} {listed(wrong)} of {robot.name}")
+    order = [names.index(name) for name in robot.joint_names]
     for key in ("position", "velocity"):
-        if len(joints[key]) != len(joints["name"]):  # ROS allows none
-            raise InvalidInputError(
-                f"JointState, {key}: {len(joints[key])} numbers of {len(joints['name'])} joints"
-            )
-    position, rates = (
-        finite_array(f"JointState, {key}", [joints[key][k] for k in order], (len(order),))
-        for key in ("position", "velocity")
-    )
-    pose, twist = base["pose"]["pose"], base["twist"]["twist"]
+        row = _field(joints, "JointState", key)
+        if len(row) != len(names):  # ROS allows none
+            raise InvalidInputError(f"JointState, {key}: {len(row)} numbers of {len(names)} joints")
+        one = [row[k] for k in order]
+        rows.append(finite_array(f"JointState, {key}", one, (len(order),)))
+    pose, twist = (_field(base, "Odometry", one, one) for one in ("pose", "twist"))
     parts = (pose, "position", "xyz"), (pose, "orientation", "xyzw")
     moving = (twist, "linear", "xyz"), (twist, "angular", "xyz")
     at, rate = ([_read(*part) for part in one] for one in (parts, moving))
-    q = configuration(robot, np.concatenate(at), position)
-    return q, np.concatenate((*rate, rates))
+    q = configuration(robot, np.concatenate(at), rows[0])
+    return q, np.concatenate((*rate, rows[1]))
 
 
-def _read(fields: Mapping[str, Any], name: str, entries: str) -> Array:
-    vector = fields[name]
-    missing = [entry for entry in entries if entry not in vector]
-    if missing:
-        raise InvalidInputError(f"Odometry, {name}: no {listed(missing)}")
-    values = [vector[entry] for entry in entries]
+def _field(message: Any, what: str, *path: str) -> Any:
+    """Return a field of a dictionary or message, by the names that lead there."""
+    for name in path:
+        found = message.get(name) if isinstance(message, Mapping) else getattr(message, name, None)
+        if found is None:
+            raise InvalidInputError(f"{what}: no {name}, got {shown(message)}")
+        message = found
+    return message
+
+
+def _read(fields: Any, name: str, entries: str) -> Array:
+    vector = _field(fields, "Odometry", name)
+    values = [_field(vector, f"Odometry, {name}", entry) for entry in entries]
     return finite_array(f"Odometry, {name}", values, (len(entries),))
 
 
