@@ -303,7 +303,7 @@ def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
 
 
 def test_ros_messages_are_read_as_their_dictionaries(g1: Robot, reading: Reading) -> None:
-    """Messages ended in a TypeError, a missing field in a KeyError; of a joint twice one counted."""
+    """They ended in a TypeError, a missing field in a KeyError; of a joint twice one counted."""
 
     def message(fields: dict[str, Any]) -> SimpleNamespace:
         parts = {k: message(one) if isinstance(one, dict) else one for k, one in fields.items()}
