@@ -7,8 +7,10 @@ import pytest
 
 from tests.conftest import load
 from wbc.gait import Velocity, Walker
+from wbc.gait.legs import bearing_joints
 from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.gait.speed_monitor import CHANGE_TIME, PUSH_TIME, STRAIN, SpeedMonitor
+from wbc.robot import Robot
 from wbc.simulation import Plant, simulate
 
 OMEGA, GRAVITY, DT, STEP = 4.0, 9.81, 0.002, 0.4
@@ -103,3 +105,10 @@ def test_a_robot_of_half_its_torque_slows_down_and_walks_on_where_it_fell():
     assert "sustain" in walker.command(speed).reason
     walker.limits = dataclasses.replace(walker.limits, forwards=speed)
     assert not walker.command(speed).reason
+
+
+def test_a_knee_without_a_motor_is_not_at_its_torque_limit():
+    """Linkages drive it: its 0 N m were its limit, and a biped slowed down to a third."""
+    robot = Robot.load("hoap2_like", unactuated=["*_knee*"])
+    legs = [robot.joint_names[k] for k in bearing_joints(robot)]
+    assert legs and not any("knee" in name for name in legs)

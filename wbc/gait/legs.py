@@ -171,12 +171,13 @@ def check_walker(robot: Robot) -> None:
 
 
 def bearing_joints(robot: Robot) -> Array:
-    """Return the indices among the joints' torques (k,) of hips and knees."""
+    """Return the indices among the joints' torques (k,) of hips and knees that have motors."""
     joints = list[int]()
     for side in SIDES:
         leg = leg_joints(robot, side)
         joints += leg[: leg.index(knee_of(robot, side)) + 1]
-    return np.array([robot.model.idx_vs[joint] - BASE_NV for joint in joints])
+    found = [robot.model.idx_vs[joint] - BASE_NV for joint in joints]
+    return np.array([k for k in found if robot.joint_names[k] not in robot.unactuated])
 
 
 def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
