@@ -257,14 +257,19 @@ class StateEstimator:
         return estimate
 
     def _joint_torques(self, m: Measurement) -> Array | None:
-        """Return what motors and springs give (n,): the core knows of no springs."""
-        if m.torques is None or not self.robot.passive:
+        """Return what motors and springs give (n,); the core knows of no springs, and of no loops.
+
+        It is told which motions these allow.
+        """
+        robot = self.robot
+        if m.torques is None or not (robot.passive or robot.closure.binds):
             return m.torques
-        q, v = self.robot.postures["neutral"].copy(), np.zeros(self.robot.nv)
-        self.robot.limits.write_positions(q, m.positions)
+        q, v = robot.postures["neutral"].copy(), np.zeros(robot.nv)
+        robot.limits.write_positions(q, m.positions)
         if m.velocities is not None:
             v[BASE_NV:] = m.velocities
-        return m.torques + self.robot.passive_forces(q, v)[BASE_NV:]
+        self.core.observer.tie(q)
+        return m.torques + robot.passive_forces(q, v)[BASE_NV:]
 
     def _load_shares(self, m: Measurement) -> Any:
         """Return the pointer to the feet's loads, in units of the weight."""

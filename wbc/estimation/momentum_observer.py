@@ -9,8 +9,9 @@ M_k (v_{k+1} - v_k) + (M_{k+1} - M_k) v_{k+1}, whose second term cancels with M'
 
 needs no derivative of M either. The wrenches on the soles are a damped least-squares solution of
 J' f = r, so that a straight leg gives no excessive forces; the base's rows, which have the
-acceleration of the whole mass, have a smaller weight. The arithmetic is the core's
-(``source/momentum.c``).
+acceleration of the whole mass, have a smaller weight. Where loops or gears tie joints together, r
+has their forces, too, which do no work: J' f = r is then solved along the motions that they allow.
+The arithmetic is the core's (``source/momentum.c``).
 """
 
 from __future__ import annotations
@@ -88,11 +89,15 @@ class MomentumObserver:
             "scratch": np.zeros(scratch),
             "known": self._memory[-1:],  # whether a state was taken in
         }
+        n = nv - BASE_NV
+        self._untied = np.zeros((n, n) if robot.closure.binds else 0)
+        self.tie(standing.q)
         given = {
             "placement": placements.reshape(-1),
             "damping": robot.damping.copy(),
             "friction": robot.friction.copy(),
         }
+        given |= {"untied": self._untied} if self._untied.size else {}
         self.given: Mapping[str, NDArray[Any]] = given | {"joint": joints}
         self.made: Mapping[str, NDArray[Any]] = parts | made
         arrays = {name: pointer(array) for name, array in (self.made | self.given).items()}
@@ -130,6 +135,12 @@ class MomentumObserver:
         """Restart, without forces."""
         self._memory[:] = 0.0
 
+    def tie(self, q: Array) -> None:
+        """Tell the core which motions of the joints loops and gears allow at ``q`` (nq,)."""
+        if self._untied.size:
+            J = self.robot.closure.errors(q)[1][:, BASE_NV:]
+            self._untied[:] = np.eye(len(self._untied)) - np.linalg.pinv(J, rcond=1e-9) @ J
+
     def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
         """Update by the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
@@ -144,6 +155,7 @@ class MomentumObserver:
         q, v = self.robot.check_configuration(q), self.robot.check_velocity(v)
         torque = finite_array("momentum observer, torque", torque, (self.robot.nv - BASE_NV,))
         step = finite_number("momentum observer, dt", dt, least=0.0)
+        self.tie(q)
         if self.robot.passive:
             torque = torque + self.robot.passive_forces(q, v)[BASE_NV:]
         lib.wbc_momentum_update(self.struct, *map(doubles, (q, v, torque)), step)

@@ -406,10 +406,11 @@ typedef struct {
     const int64_t *joint; /* (feet), and placements there (feet, 12) */
     const double *placement;
     const double *damping, *friction; /* (nv - 6) */
-    double base_trust;                /* weight of the base's rows by that of the joints' */
-    double bandwidth;                 /* forces are seen with a delay of 1 / bandwidth */
-    double lever;                     /* m^2: regularisation, of levers too short to tell a force */
-    double *known;                    /* (1) whether there is a last state */
+    const double *untied; /* (nv - 6, nv - 6) projector onto joint motions that loops and gears allow, or 0 */
+    double base_trust;    /* weight of the base's rows by that of the joints' */
+    double bandwidth;     /* forces are seen with a delay of 1 / bandwidth */
+    double lever;         /* m^2: regularisation, of levers too short to tell a force */
+    double *known;        /* (1) whether there is a last state */
     double *residual, *velocity, *motion, *state, *frames, *wrenches, *scratch;
 } wbc_momentum;
 /* Update by a state (q, v) and the torques (nv - 6) over the dt before. Returns 0. */

@@ -33,6 +33,8 @@ static void explain(const wbc_momentum *m) {
     for (int64_t i = 0; i < rows; i++) {
         const double *row = m->frames + (i / 6) * size + FRAME_JACOBIAN + (i % 6) * nv;
         for (int64_t k = 0; k < nv; k++) weighted[k] = row[k] * (k < 6 ? m->base_trust : 1.0);
+        for (int64_t k = 6; m->untied && k < nv; k++) /* forces in loops and gears do no work */
+            weighted[k] = dot(nv - 6, m->untied + (k - 6) * (nv - 6), row + 6);
         for (int64_t j = i; j < rows; j++)
             H[i * rows + j] = dot(nv, weighted, m->frames + (j / 6) * size + FRAME_JACOBIAN + (j % 6) * nv);
         H[i * rows + i] += m->lever;
