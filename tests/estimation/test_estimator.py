@@ -460,6 +460,13 @@ def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(
         JointVelocityFilter(1, 1)
 
 
+def test_joint_velocities_do_not_depend_on_when_a_clock_began() -> None:
+    """By seconds since 1970, as of ROS, a joint that stood at 2 rad moved at 0.24 rad/s."""
+    f = JointVelocityFilter(1, 5, DT)
+    for k in range(2000):
+        assert abs(f.update(1.764e9 + k * DT, np.array((2.0,))).item()) < 1e-9
+
+
 def test_what_it_cannot_serve_is_refused_by_name(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match="its base is bolted; a base is estimated from"):
         StateEstimator(Robot.load("hoap2_like", base="fixed"))

@@ -25,11 +25,12 @@ int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions,
     memcpy(newest, reading, n * sizeof *newest);
     memset(rates, 0, n * sizeof *rates);
     if (*count < 2) return DONE;
-    for (int64_t k = window - *count; k < window; k++) mean += times[k];
+    const double last = times[window - 1]; /* sums of the system's times would lose microseconds */
+    for (int64_t k = window - *count; k < window; k++) mean += times[k] - last;
     mean /= (double)*count;
-    for (int64_t k = window - *count; k < window; k++) squares += (times[k] - mean) * (times[k] - mean);
+    for (int64_t k = window - *count; k < window; k++) squares += (times[k] - last - mean) * (times[k] - last - mean);
     for (int64_t k = window - *count; k < window; k++) {
-        const double weight = (times[k] - mean) / squares;
+        const double weight = (times[k] - last - mean) / squares;
         for (int64_t j = 0; j < n; j++) rates[j] += weight * positions[k * n + j];
     }
     return DONE;
