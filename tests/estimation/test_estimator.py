@@ -223,6 +223,17 @@ def test_without_its_imu_an_estimate_is_less_sure(hoap2: Robot, sent: list[Measu
     assert np.linalg.norm(found.v[:3]) < 0.05  # feet still tell
 
 
+def test_feet_that_never_bear_are_said(hoap2: Robot, sent: list[Measurement]) -> None:
+    """Loads in kN, or switches that are never pressed: the estimate drifted in silence."""
+    e = StateEstimator(hoap2, MOUNTS, dt=DT)
+    off = dict.fromkeys(ALL, False)
+    found = [e.update(changed(m, contacts=off)) for m in sent]
+    noted = [one.time for one in found if one is not None and "no foot has stood" in str(one.notes)]
+    assert noted[0] == pytest.approx(1.5, abs=0.05) and noted[-1] == sent[-1].time
+    again = copy.copy(e).update(changed(sent[1], time=sent[-1].time + DT, contacts=off))
+    assert again is not None and "for 1 s: the IMU alone" in str(again.notes)
+
+
 def test_a_clock_that_jumped_back_is_said_once(
     hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
 ) -> None:

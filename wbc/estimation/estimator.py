@@ -39,6 +39,7 @@ from wbc.robot.notes import doubt_delay
 from wbc.validate import Array, list_of
 
 OLD_MESSAGES_WARNING = 50  # number of messages in a row dropped for their age before a warning
+MAX_FLIGHT = 1.0  # s without a foot that stands before a note: a fall of 5 m
 FAR_MOUNT = 2.0  # m: no IMU is that far from the frame that carries it
 
 
@@ -147,11 +148,12 @@ class StateEstimator:
         history = self.settings.history
         self._history: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=history)
         self._last: Estimate | None = None
+        self._stood_at = -np.inf  # the last time at which a foot stood [s]
         self._dropped = 0  # messages in a row
         self._start.reset()
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        waits, start, memory, self._history, self._last, self._start = state
+        waits, start, memory, self._history, self._last, self._start, self._stood_at = state
         self.core.made["wait"][:], self.core.given["start"][:] = waits, start
         self.core.restore(memory)
 
@@ -159,7 +161,7 @@ class StateEstimator:
         """Return constructor, arguments and state: the core's struct cannot be pickled."""
         core = self.core
         known = core.made["wait"].copy(), core.given["start"].copy(), core.memory()
-        state = (*known, self._history.copy(), self._last, copy(self._start))
+        state = (*known, self._history.copy(), self._last, copy(self._start), self._stood_at)
         return partial(type(self), dt=self._arguments[-1]), self._arguments[:-1], state
 
     @property
@@ -298,22 +300,30 @@ class StateEstimator:
         forces = {}
         if m.torques is not None:
             forces = {name: wrenches[6 * k : 6 * k + 6] for k, name in enumerate(self._feet)}
+        standing = tuple(compress(self._feet, numbers[first : first + count]))
+        self._stood_at = m.time if standing or self._last is None else self._stood_at
         return Estimate(
             m.time,
             out[-nq:],
             out[-nq - nv : -nq],
             out[: lib.OUT_GYRO].reshape(STATE_SIZE, STATE_SIZE),
-            tuple(compress(self._feet, numbers[first : first + count])),
+            standing,
             tuple(compress(self._feet, numbers[first + count : first + 2 * count])),
             out[lib.OUT_GYRO : lib.OUT_ACCEL],
             out[lib.OUT_ACCEL : lib.OUT_SQUARED],
             forces,
             (float(out[lib.OUT_SQUARED]), numbers[lib.NIS_ROWS]),
-            self._notes(),
+            (*self._notes(), *self._notes_of_flight(m.time - self._stood_at)),
         )
 
     def _notes(self) -> tuple[str, ...]:
         return notes_of(self.core, *self._names) if self.core.event[0] else ()
+
+    def _notes_of_flight(self, duration: float) -> tuple[str, ...]:
+        """Return a note where no foot has stood for longer than a flight takes [s]."""
+        if duration <= MAX_FLIGHT:
+            return ()
+        return (f"no foot has stood for {duration:.0f} s: the IMU alone tells; are loads in N?",)
 
     def _failure(self, status: int) -> str:
         """Return why there is no estimate, in words."""
