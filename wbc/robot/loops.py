@@ -71,6 +71,10 @@ class Closure:
     springs: Collection[str] = ()  # joints with springs
 
     @cached_property
+    def _frames(self) -> dict[str, int]:
+        return frame_table(self.model)
+
+    @cached_property
     def sprung(self) -> tuple[str, ...]:
         """The joints that springs alone hold, which move after the others."""
         return tuple(joint for joint in self.unactuated if joint in self.springs)
@@ -190,7 +194,7 @@ class Closure:
         model, data = self.model, self.model.createData()
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        frames, world = frame_table(model), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        frames, world = self._frames, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         errors: list[Array] = [np.zeros(0)]
         rows: list[Array] = [np.zeros((0, model.nv))]
         for loop in self.loops.values():
