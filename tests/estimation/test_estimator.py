@@ -223,6 +223,16 @@ def test_without_its_imu_an_estimate_is_less_sure(hoap2: Robot, sent: list[Measu
     assert np.linalg.norm(found.v[:3]) < 0.05  # feet still tell
 
 
+@pytest.mark.parametrize(("dt", "said"), [(0.002, False), (0.01, True), (0.0005, True)])
+def test_another_period_than_that_of_messages_is_said(
+    dt: float, said: bool, hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Joint velocities are as old as messages are apart; `velocity_delay` said otherwise."""
+    e = StateEstimator(hoap2, MOUNTS, dt=dt)
+    fed(e, sent[:400])
+    assert ("messages are 0.002 s apart" in caplog.text) == said
+
+
 def test_feet_that_never_bear_are_said(hoap2: Robot, sent: list[Measurement]) -> None:
     """Loads in kN, or switches that are never pressed: the estimate drifted in silence."""
     e = StateEstimator(hoap2, MOUNTS, dt=DT)

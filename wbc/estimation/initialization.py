@@ -31,7 +31,7 @@ class Initialization:
 
     def reset(self) -> None:
         """Restart."""
-        self._count, self._times = 0, (math.nan, math.nan)
+        self._count, self._times, self._begin = 0, (math.nan, math.nan), math.nan
         self._joints: Array = np.zeros(0)
         self._message: Measurement | None = None  # the last
 
@@ -50,7 +50,7 @@ class Initialization:
         self._times, self._message = (self._times[1], m.time), m
         self._count += 1
         if self._count == 1:
-            self._joints = m.positions
+            self._joints, self._begin = m.positions, m.time
         if self._count == math.ceil(WARN_AFTER * self._expected) + 1:
             logging.getLogger(__name__).warning("estimator: %s", self.status)
 
@@ -87,6 +87,13 @@ class Initialization:
         self._times = self._times[1], m.time
         if self.interval_note:
             logging.getLogger(__name__).warning("estimator: begins%s", self.interval_note)
+        interval = (m.time - self._begin) / max(self._count, 1)
+        if m.velocities is None and not 0.5 < interval / self._dt < 2.0 and not self.interval_note:
+            logging.getLogger(__name__).warning(
+                "estimator: messages are %.3g s apart, and dt is %.3g s: the delay of joint"
+                " velocities is %.2g of what velocity_delay says; give dt=%.3g",
+                *(interval, self._dt, interval / self._dt, interval),
+            )
         snapshot, leader = self._robot.snapshot(first.q), self._imus[0]
         flat = [one.frame for one in self._robot.feet.values() if len(one.polygon) > 2]
         tilt = max((math.acos(snapshot.rotation(one)[2, 2].clip(-1, 1)) for one in flat), default=0)
