@@ -242,6 +242,11 @@ def test_tared_plate_reads_zero_unloaded() -> None:
     for some in (time > 0.0, time > 0.05):
         stands = ForcePlate("plate", time, force + off + 300.0 * some[:, None], moment)
         assert stands.tared() == (stands, 0.0)
+    # An amplifier nobody has set to zero, known by the times at which nobody is above the plate.
+    far = ForcePlate("plate", time, force - (5.0, 0.0, 90.0) + noise, moment)
+    plate, read = far.tared((time < 0.6) | (time > 1.7))
+    assert read == pytest.approx(np.hypot(5.0, 90.0), abs=0.2)
+    np.testing.assert_allclose(plate.force - noise, force, atol=0.2)
 
 
 def test_mips_parameters_with_an_intel_offset_are_all_read() -> None:

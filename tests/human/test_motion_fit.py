@@ -201,13 +201,15 @@ def test_frames_near_a_foot_beside_the_plates_are_not_compared(marched: Marched)
 
 
 @pytest.mark.slow
-def test_offset_of_an_unloaded_plate_is_subtracted_and_noted() -> None:
+@pytest.mark.parametrize("offset", [20.0, -60.0])  # N, the larger known by the plate's place
+def test_offset_of_an_unloaded_plate_is_subtracted_and_noted(offset: float) -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     (plate,) = recording.plates
-    read = np.tile((3.0, 0.0, 20.0), (len(plate.time), 1))
-    drifted = ForcePlate("beside", plate.time, read, 0.3 * read)
+    read = np.tile((3.0, 0.0, offset), (len(plate.time), 1))
+    corners = np.array(((4.6, 0.4, 0.0), (4.0, 0.4, 0.0), (4.0, 0.0, 0.0), (4.6, 0.0, 0.0)))
+    drifted = ForcePlate("beside", plate.time, read, 0.3 * read, corners)
     human = human_motion(recording.with_plates((plate, drifted)))
-    assert "offsets of unloaded plates subtracted: beside 20 N" in human.notes
+    assert f"offsets of unloaded plates subtracted: beside {abs(offset):.0f} N" in human.notes
     assert np.abs(human.recording.plates[1].force).max() < 1e-9
     assert human.body.mass == pytest.approx(BODY.mass, rel=0.01)
 

@@ -11,6 +11,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.human.landmarks import Landmark
 from wbc.kinds import one_of
 from wbc.motion.recording import MIN_ROWS
+from wbc.rmp.axes import Bools
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 # Rotations that bring the vertical axis of a file to z, by its name.
@@ -24,6 +25,7 @@ MAX_DISTANCE = 1e3  # m from the origin: beyond, it is another unit
 # Readings of an unloaded plate: at most this [N] or this part of its largest vertical force, within
 # a part of that of their median, for at least a time [s].
 MAX_OFFSET, MAX_OFFSET_PART, STEADY_PART, MIN_UNLOADED = 30.0, 0.05, 0.2, 0.1
+MAX_KNOWN_OFFSET = 200.0  # N, of a plate known to be unloaded: more is another load
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +65,21 @@ class ForcePlate:
         sign = -1.0 if float((up * np.abs(up)).sum()) < 0.0 else 1.0
         return replace(self, force=sign * self.force, moment=sign * self.moment)
 
-    def tared(self) -> tuple[ForcePlate, float]:
+    def tared(self, away: Bools | None = None) -> tuple[ForcePlate, float]:
         """Return it without its offset, the wrench that it reads unloaded, and that force [N].
 
         Amplifiers drift, and few laboratories subtract it: 20 N and 10 N m shift the CoP by some
         cm. Z is up. A plate that is always loaded is unchanged, with 0 N.
+
+        Parameters
+        ----------
+        away:
+            Samples (k,) in which nobody is above it; they tell larger offsets.
         """
         up = self.force[:, 2]
         most = max(MAX_OFFSET, MAX_OFFSET_PART * float(np.abs(up).max()))
-        light = np.abs(up) < most
+        level = float(np.median(up[away])) if away is not None and away.any() else 0.0
+        light = np.abs(up - (level if most < abs(level) < MAX_KNOWN_OFFSET else 0.0)) < most
         middle = np.median(up[light]) if light.any() else np.inf
         steady = light & (np.abs(up - middle) < STEADY_PART * most)
         if steady.sum() * np.median(np.diff(self.time)) < MIN_UNLOADED:

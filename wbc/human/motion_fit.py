@@ -41,7 +41,7 @@ from wbc.human.marker_identification import (
     static_trial_notes,
     with_labels_of,
 )
-from wbc.human.markers import MarkerRecording
+from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
 from wbc.human.skeleton import configurations, human_robot
@@ -55,6 +55,7 @@ from wbc.motion.filtering import low_pass
 from wbc.motion.recording import LONGEST_GAP, Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import even_grid, resample
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import sole_series
@@ -63,6 +64,7 @@ from wbc.validate import Array, finite_number
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 MIN_CUTOFF_PERIODS = 2.0  # in a recording that is low-passed
 NOTED_OFFSET = 2.0  # N, of an unloaded plate
+BESIDE, FAR = 0.2, 1e6  # m: who has no marker nearer to a plate is not on it; unseen ones are far
 MASS_TOLERANCE = 0.05  # of the given mass; more difference of the plates' is noted
 MAX_SPEED = 13.0  # m/s: somewhat above the fastest human
 # A note is due where the ground pulls by more than this part of the weight in this part of frames.
@@ -243,7 +245,7 @@ def _prepare(
     recording, jumps = longest_without_jump(recording, markers)
     recording = with_missing_frames(recording)
     recording, axis = rotate_z_up(recording, markers, up)
-    recording, offsets = _tare_plates(recording)
+    recording, offsets = _tare_plates(recording, markers)
     notes = (*recording.notes, *others, *notes, *view, *jumps, *offsets)
     belt = belt_velocity(recording, markers)
     if belt.any():
@@ -253,9 +255,12 @@ def _prepare(
     return recording, static, markers, notes + axis
 
 
-def _tare_plates(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str, ...]]:
+def _tare_plates(
+    recording: MarkerRecording, markers: Markers
+) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the recording with the offsets of unloaded plates subtracted, and notes."""
-    tared = [plate.tared() for plate in recording.plates]
+    marks = recording.positions[:, recording.columns(markers), :2]
+    tared = [plate.tared(_away(plate, recording.time, marks)) for plate in recording.plates]
     plates = tuple(plate for plate, _ in tared)
     offsets = [f"{plate.name} {force:.0f} N" for plate, force in tared if force > NOTED_OFFSET]
     notes = [f"offsets of unloaded plates subtracted: {listed(offsets, 8)}"] if offsets else []
@@ -265,6 +270,15 @@ def _tare_plates(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str
             "force plates push sideways more than up: their file has other axes than the markers'"
         )
     return recording.with_plates(plates), tuple(notes)
+
+
+def _away(plate: ForcePlate, time: Array, marks: Array) -> Bools | None:
+    """Return the samples (k,) of a plate above which no marker (n, m, 2) is; None: not known."""
+    if plate.corners is None:
+        return None
+    above = polygon_margin(convex_hull(plate.corners[:, :2]), np.nan_to_num(marks, nan=FAR))
+    near = np.asarray((above > -BESIDE).any(axis=1))
+    return ~near[nearest_rows(time, plate.time)]
 
 
 class _MarkerFit(NamedTuple):
