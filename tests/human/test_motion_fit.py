@@ -215,6 +215,18 @@ def test_offset_of_an_unloaded_plate_is_subtracted_and_noted(offset: float) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "told"), [(0.2248, "kg are usual"), (1e-3, "N at most: are their forces in N")]
+)
+def test_plates_in_other_units_are_doubted(factor: float, told: str) -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    (plate,) = recording.plates
+    other = replace(plate, force=factor * plate.force, moment=factor * plate.moment)
+    notes = human_motion(recording.with_plates((other,))).notes
+    assert any(told in note for note in notes), notes
+
+
+@pytest.mark.slow
 def test_plates_with_other_axes_than_the_markers_are_noted() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     (plate,) = recording.plates
@@ -232,6 +244,21 @@ def test_plates_that_push_away_from_the_feet_are_noted(away: float) -> None:
     moved = ForcePlate("plate", plate.time, plate.force, moment)
     notes = human_motion(recording.with_plates((moved,))).notes
     assert any("force plates push where no foot is in 100 %" in one for one in notes) == (away > 0)
+
+
+def test_a_plate_between_feet_far_apart_carries_both() -> None:
+    time, poses = squatting(2.0)
+    angles = np.zeros_like(poses.angles)
+    for side, lean in (("left", 0.45), ("right", -0.45)):
+        angles[:, HINGE_NAMES.index(f"{side}_hip_flexion")] = lean
+        angles[:, HINGE_NAMES.index(f"{side}_ankle_dorsiflexion")] = -lean
+    sway = 0.01 * np.sin(2.0 * time)
+    position = np.column_stack((sway, 0.0 * sway, np.full(len(time), 0.83)))
+    still = Poses(position, np.tile(np.eye(3), (len(time), 1, 1)), angles)
+    recording, _ = recorded(BODY, posed=(time, still), plates=True)
+    human = human_motion(recording)
+    assert human.body.mass == pytest.approx(BODY.mass, rel=0.01)
+    assert not any("force plates push" in note for note in human.notes)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
 
 from wbc.human.contacts import Bools, nearest_rows
 from wbc.human.markers import ForcePlate
+from wbc.motion.dropouts import runs
 from wbc.motion.ground import sole_corners
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import smooth_forces
@@ -202,8 +203,14 @@ def _measured(
         reach = 0.5 * max(np.ptp(foot.polygon, axis=0).max() for foot in series.robot.feet.values())
         near = np.linalg.norm(soles - cop[:, None], axis=2) < reach + MAX_COP_DISTANCE
         under = _inside_soles(series, placed, cop)
+        carries = near & (under | ~under.any(axis=1, keepdims=True))
+        # A CoP between the feet, under neither of them, is of both, while they stand there.
+        between = loaded & ~near.any(axis=1) & _is_between(soles, cop)
+        for first, end in runs(np.asarray(down.all(axis=1))):
+            if between[first:end].any():
+                near[first:end] = carries[first:end] = True
         on |= near & loaded[:, None]
-        carried |= near & loaded[:, None] & (under | ~under.any(axis=1, keepdims=True))
+        carried |= carries & loaded[:, None]
         stray |= loaded & ~near.any(axis=1)
     # If the CoP of a plate is under one foot for longer than a step takes, the other stands beside.
     exclusive = np.ones((max(1, round(MIN_EXCLUSIVE / dt)), 1), dtype=bool)
@@ -216,6 +223,14 @@ def _measured(
     margin = tolerance + (0 if series.cutoff is None else round(FILTER_REACH / series.cutoff / dt))
     complete = np.asarray(binary_erosion(complete, np.ones(2 * margin + 1, dtype=bool)))
     return complete, force, moment, stray
+
+
+def _is_between(soles: Array, points: Array) -> Bools:
+    """Return which points (n, 2) are near the lines between two soles (n, 2, 2) [m]."""
+    start, way = soles[:, 0], soles[:, 1] - soles[:, 0]
+    along = ((points - start) * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-12)
+    off = points - start - np.clip(along, 0.0, 1.0)[:, None] * way
+    return np.asarray(np.linalg.norm(off, axis=1) < MAX_COP_DISTANCE)
 
 
 def _inside_soles(series: RmpSeries, placed: Mapping[str, Array], points: Array) -> Bools:

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError, listed
 from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
-from wbc.human.comparison import plates_mass
+from wbc.human.comparison import MIN_PLATE_FORCE, plates_mass
 from wbc.human.contacts import Bools, cutoff_by_steps, feet_down, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
@@ -65,6 +65,7 @@ STATIC_FRAMES = 6  # of a static trial, which hardly differ
 MIN_CUTOFF_PERIODS = 2.0  # in a recording that is low-passed
 NOTED_OFFSET = 2.0  # N, of an unloaded plate
 BESIDE, FAR = 0.2, 1e6  # m: who has no marker nearer to a plate is not on it; unseen ones are far
+USUAL_MASS = (0.45, 2.2)  # by the mean at a stature: slim children, and body mass indices of 50
 MASS_TOLERANCE = 0.05  # of the given mass; more difference of the plates' is noted
 MAX_SPEED = 13.0  # m/s: somewhat above the fastest human
 # A note is due where the ground pulls by more than this part of the weight in this part of frames.
@@ -215,7 +216,7 @@ def human_motion(
             notes += more
     if mass is None:
         guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
-        notes += _mass_note(weighed, guess, bool(recording.plates))
+        notes += _mass_note(weighed, guess, recording.plates)
         body = replace(body, mass=guess if weighed is None else weighed)
         robot = human_robot(body, soles)
     elif weighed is not None and abs(weighed - mass) > MASS_TOLERANCE * mass:
@@ -413,8 +414,17 @@ def _due(*notes: tuple[bool, str]) -> tuple[str, ...]:
     return tuple(note for due, note in notes if due)
 
 
-def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, ...]:
+def _mass_note(
+    weighed: float | None, guess: float, plates: tuple[ForcePlate, ...]
+) -> tuple[str, ...]:
     if weighed is not None:
-        return (f"mass {weighed:.1f} kg, as weighed by the force plates",)
-    why = "no frame has all feet on force plates" if plates else "there are no force plates"
+        least, most = (by * guess for by in USUAL_MASS)
+        other = f", where {least:.0f} to {most:.0f} kg are usual: are their forces in N, and all?"
+        unusual = other * (not least < weighed < most)
+        return (f"mass {weighed:.1f} kg, as weighed by the force plates{unusual}",)
+    why = "there are no force plates"
+    if plates:
+        peak = max(float(plate.force[:, 2].max()) for plate in plates)
+        none = f"force plates push by {peak:.3g} N at most: are their forces in N?"
+        why = none if peak < MIN_PLATE_FORCE else "no frame has all feet on force plates"
     return (f"mass guessed by stature, {guess:.0f} kg ({why}): forces scale with it; give mass",)
