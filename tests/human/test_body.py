@@ -90,6 +90,9 @@ LABELLED = (
     " L.MidShank left_shank R_HEEL_UP right_heel RightFifthMet right_metatarsal_5 R1MTH"
     " right_metatarsal_1 RLatMal right_ankle_lateral RMA right_ankle_medial RSH right_acromion RSH2"
     " right_shank LUpperLeg1 left_thigh L.LowerArm.Top left_forearm RUpperArm3 right_upper_arm"
+    " SIASr right_asis R.SIPS right_psis l_thigh_cl1 left_thigh r_mall_med right_ankle_medial RANKL"
+    " right_ankle_lateral R_2ndMet right_toe L_GREAT_TROCH left_trochanter RFT3 right_foot"
+    " R5thMetatarsal right_metatarsal_5 RGreaterTrochanter right_trochanter"
 )
 
 

@@ -48,8 +48,9 @@ class Landmark:
 # without the side.
 _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
     "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"
-              " AS"),
-    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK PS"),
+              " AS SIAS"),
+    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK PS"
+              " SIPS"),
     "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST ILIAC"
               " CREST CSI IAC WAIST"),
     "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
@@ -76,17 +77,17 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
               " SH3 SH4 SH5"),
     "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLELAT LATANKLE LANKLE LMAL"
               " MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA LATMALLEOLUS LATMAL LA LAK LML MALLAT"
-              " MALLEOLUSLAT"),
+              " MALLEOLUSLAT MALLLAT ANKL"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED"
               " MM TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS MEDMAL MA MAK MML MALM MALMED"
-              " MALLEOLUSMED"),
+              " MALLEOLUSMED MALLMED ANKM"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
               " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
               " HEL PCA HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
     "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID"
               " FOREFOOT MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX MET2"
-              " MET3 3META HALLUX HLX"),
+              " MET3 3META HALLUX HLX HALL M2 2MET"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
               " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL FIRSTMET MET1 META1"
               " MTH1 1MTH 1MH 1MET 1STMET M1"),
@@ -94,9 +95,9 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
               " D5M D5MT MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5"
               " FIFTHMETATARSAL SMALLTOE FIFTHMET MET5 META5 MTH5 5MTH 5MH 5MET 5THMET 5TH M5"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT P1MT"
-              " P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL LCA CUN CUB"),
+              " P5MT P1M P5M FT MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL LCA CUN CUB"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM"
-              " AC CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP SH"),
+              " AC CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP SH ACROM"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
               " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
     "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV STERNUM"),
@@ -166,17 +167,23 @@ _CENTRES = {
 _CLUSTERS = frozenset(("thigh", "shank", "heel", "foot", "upper_arm", "forearm"))
 _WHICH = re.compile(
     "TOP|BOTTOM|UP(?!(PER)?ARM)(PER)?|LOWER|LO$|MID|SUP(ERIOR)?|INF(ERIOR)?|PROX(IMAL)?"
-    "|DIST(AL)?|ANT(ERIOR)?|POST(ERIOR)?|LAT|MED|FRONT|REAR(?!M)|CLUSTER|[0-9]"
+    "|DIST(AL)?|ANT(ERIOR)?|POST(ERIOR)?|LAT|MED|FRONT|REAR(?!M)|CLUSTER|CL(?=[0-9])|[0-9]"
 )
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
-# Word boundaries in camel case and between a side and a number (KU Leuven's foot_r1); Xsens's p.
+# Word boundaries in camel case, before a side in lower case behind capitals (SIASr), and between a
+# side and a number (KU Leuven's foot_r1); Xsens's p.
 _BOUNDARY, _PREFIX = (
-    re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[ _.][lrLR])(?=[0-9])"),
+    re.compile(
+        "(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Z]{2})(?=[lr]$)"
+        "|(?<=[ _.][lrLR])(?=[0-9])"
+    ),
     re.compile("^p(?=[A-Z])"),
 )
 _SHORT = {
     "LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELBOW": "ELB",
-    "UPPERLEG": "THIGH", "LOWERLEG": "SHANK", "LOWERARM": "FOREARM",
+    "UPPERLEG": "THIGH", "LOWERLEG": "SHANK", "LOWERARM": "FOREARM", "METATARSAL": "MET",
+    "1STMET": "1MET", "2NDMET": "2MET", "5THMET": "5MET", "GREATERTRO": "GTRO", "GREATTRO": "GTRO",
+    "TROCHANTER": "TRO", "TROCH": "TRO",
 }  # fmt: skip
 _SEPARATED = re.compile("[^ _.:-]+[ _.:-]+(?=.)")  # a label's first word, with what parts it
 
