@@ -218,6 +218,13 @@ def test_c3d_with_impossible_header_is_refused(march: March) -> None:
         read_markers(path)
 
 
+@pytest.mark.parametrize(("value", "mass"), [(74.5, 74.5), (0.0, None), (1.0, None)])
+def test_mass_of_vicons_c3d_is_read(march: March, value: float, mass: float | None) -> None:
+    path, _ = march
+    _with(path, "PROCESSING", Bodymass=[value])
+    assert read_markers(path).mass == mass
+
+
 def test_plate_with_long_drift_and_a_short_step_pushes_up() -> None:
     force, moment = np.zeros((2, 1000, 3))
     force[:, 2] = -8.0

@@ -215,6 +215,18 @@ def test_offset_of_an_unloaded_plate_is_subtracted_and_noted(offset: float) -> N
 
 
 @pytest.mark.slow
+def test_mass_that_a_file_tells_is_taken_where_plates_do_not_weigh() -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    told = replace(recording, mass=61.5)
+    alone = human_motion(told.with_plates(()))
+    assert alone.body.mass == 61.5
+    assert "mass 61.5 kg, as its file says (there are no force plates)" in alone.notes
+    weighed = human_motion(told)
+    assert weighed.body.mass == pytest.approx(BODY.mass, rel=0.01)
+    assert any("its file says that it has 61.5 kg" in note for note in weighed.notes)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "told"), [(0.2248, "kg are usual"), (1e-3, "N at most: are their forces in N")]
 )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, listed
+from wbc.human.anthropometry import MASSES
 from wbc.human.c3d_parameters import BLOCK, MIPS, C3dFile, floats, read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.motion.table import read_bytes
@@ -57,6 +58,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     first = file.header[3]
     time = np.arange(len(marked)) / rate
     plates, plate_notes = _plates(file, analog, rate, samples, LENGTHS[unit])
+    mass = file.number("PROCESSING:BODYMASS", 0.0)  # as Vicon writes it, 0 or 1 if nobody did
     if first > 1:
         notes += (f"its first frame has the number {first}; times begin at 0 there",)
     return MarkerRecording(
@@ -66,6 +68,7 @@ def read_c3d(path: Path) -> MarkerRecording:
         plates,
         source=source,
         notes=notes + repeated + plate_notes,
+        mass=mass if MASSES[0] <= mass <= MASSES[1] else None,
     )
 
 

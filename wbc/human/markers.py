@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
+from wbc.human.anthropometry import check_build
 from wbc.human.landmarks import Landmark
 from wbc.kinds import one_of
 from wbc.motion.recording import MIN_ROWS
@@ -118,12 +119,14 @@ class MarkerRecording:
     landmarks:
         Landmarks of markers, by label, where their names do not tell. As joints of a skeleton,
         these are never taken for swapped.
+    mass:
+        Of the human [kg], where its file tells; None: not known.
 
     Raises
     ------
     InvalidInputError
         Arrays of a wrong shape, infinite or in another unit than m, no row, times that do not
-        increase, a label twice.
+        increase, a label twice, a mass that no human has.
     """
 
     time: Array
@@ -134,6 +137,7 @@ class MarkerRecording:
     source: str = "markers"
     notes: tuple[str, ...] = ()
     landmarks: tuple[Landmark | None, ...] = ()
+    mass: float | None = None
 
     def __repr__(self) -> str:
         seconds = self.time[-1] - self.time[0]
@@ -173,6 +177,7 @@ class MarkerRecording:
             one_of(f"axis that is up ({source})", self.up, UPS)
         if self.landmarks and len(self.landmarks) != len(labels):
             raise InvalidInputError(f"{source}: {len(self.landmarks)} landmarks for {len(labels)}")
+        check_build(self.mass, None)
         set_fields(self, time=read_only(time), labels=labels, positions=read_only(positions))
 
     def check_moving(self) -> None:

@@ -215,9 +215,10 @@ def human_motion(
             q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in shift.T])
             notes += more
     if mass is None:
-        guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
-        notes += _mass_note(weighed, guess, recording.plates)
-        body = replace(body, mass=guess if weighed is None else weighed)
+        usual = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
+        weight, more = _mass_without_one_given(weighed, usual, recording)
+        notes += more
+        body = replace(body, mass=weight)
         robot = human_robot(body, soles)
     elif weighed is not None and abs(weighed - mass) > MASS_TOLERANCE * mass:
         notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was given",)
@@ -414,17 +415,25 @@ def _due(*notes: tuple[bool, str]) -> tuple[str, ...]:
     return tuple(note for due, note in notes if due)
 
 
-def _mass_note(
-    weighed: float | None, guess: float, plates: tuple[ForcePlate, ...]
-) -> tuple[str, ...]:
+def _mass_without_one_given(
+    weighed: float | None, usual: float, recording: MarkerRecording
+) -> tuple[float, tuple[str, ...]]:
+    """Return the mass [kg] by plates, file or stature, the first that is known, and notes."""
+    told, plates = recording.mass, recording.plates
     if weighed is not None:
-        least, most = (by * guess for by in USUAL_MASS)
+        least, most = (by * usual for by in USUAL_MASS)
         other = f", where {least:.0f} to {most:.0f} kg are usual: are their forces in N, and all?"
         unusual = other * (not least < weighed < most)
-        return (f"mass {weighed:.1f} kg, as weighed by the force plates{unusual}",)
+        by_plates = f"mass {weighed:.1f} kg, as weighed by the force plates{unusual}"
+        contradicted = told is not None and abs(weighed - told) > MASS_TOLERANCE * told
+        by_file = f"its file says that it has {told} kg: do plates measure all of the force?"
+        return weighed, (by_plates, *_due((contradicted, by_file)))
     why = "there are no force plates"
     if plates:
         peak = max(float(plate.force[:, 2].max()) for plate in plates)
         none = f"force plates push by {peak:.3g} N at most: are their forces in N?"
         why = none if peak < MIN_PLATE_FORCE else "no frame has all feet on force plates"
-    return (f"mass guessed by stature, {guess:.0f} kg ({why}): forces scale with it; give mass",)
+    if told is not None:
+        return told, (f"mass {told:g} kg, as its file says ({why})",)
+    guess = f"mass guessed by stature, {usual:.0f} kg ({why}): forces scale with it; give mass"
+    return usual, (guess,)
