@@ -225,6 +225,24 @@ def test_mass_of_vicons_c3d_is_read(march: March, value: float, mass: float | No
     assert read_markers(path).mass == mass
 
 
+@pytest.mark.parametrize(
+    ("moments", "corners", "what"), [(1e-3, 1.0, "moments"), (1.0, 1e-3, "corners")]
+)
+def test_plates_in_another_unit_than_told_are_read(
+    march: March, moments: float, corners: float, what: str
+) -> None:
+    """N m called N mm put the CoP into the plate's middle, without a word."""
+    import ezc3d
+
+    path, truth = march
+    told = ezc3d.c3d(str(path))["parameters"]["FORCE_PLATFORM"]
+    places = {name: corners * np.asarray(told[name]["value"]) for name in ("CORNERS", "ORIGIN")}
+    _with(path, "FORCE_PLATFORM", moments=moments, **places)
+    found = read_markers(path)
+    np.testing.assert_allclose(found.upright("z").plates[0].moment, truth[:, 3:], atol=2e-3)
+    assert any(f"has its {what} in another unit than told" in note for note in found.notes)
+
+
 def test_plate_with_long_drift_and_a_short_step_pushes_up() -> None:
     force, moment = np.zeros((2, 1000, 3))
     force[:, 2] = -8.0

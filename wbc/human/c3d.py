@@ -22,6 +22,9 @@ MAX_POINTS = 1000
 MAX_RATE = 1e6  # Hz
 MIN_SIDE = 1e-3  # m, of a plate
 MIN_LOAD = 50.0  # N, of a plate that is used
+# m, of a plate's diagonal; m and factor of that, of the distance of loads from its sensor. What is
+# beyond has another unit than its file tells, as mm in place of m.
+DIAGONALS, MIN_LEVER, MAX_LEVER = (0.02, 20.0), 1e-3, 20.0
 CORNER_TOLERANCE = 1.05  # factor: an origin in a corner, as treadmills have it, may be rounded
 
 
@@ -206,10 +209,28 @@ def _plate(
     texts = [re.sub("[^a-z]", "", text.lower()) for text in file.texts("ANALOG:UNITS")]
     torque = texts[columns[-1]] if columns[-1] < len(texts) else ""
     arm = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2}.get(torque, unit)
-    places = unit * corners[:, :, k].T
-    sensor, notes = _sensors(f"force plate {k + 1}", kind, places, unit * origin[:, k])
-    force, moment = plate_wrench(kind, values, places, sensor, unit, arm)
+    name, places = f"force plate {k + 1}", unit * corners[:, :, k].T
+    diagonal = float(np.linalg.norm(places[0] - places[2]))
+    size = _thousand(diagonal, *DIAGONALS)
+    places, diagonal = size * places, size * diagonal
+    sensor, notes = _sensors(name, kind, places, size * unit * origin[:, k])
+    loaded = values[np.abs(values[:, 2]) > MIN_LOAD] if kind != 3 else values[:0]
+    lever = 1.0
+    if len(loaded):  # of the force about the sensor, hardly ever so small or so long
+        levers = unit if kind == 1 else arm / np.abs(loaded[:, 2])
+        far = float(np.quantile(np.hypot(*loaded[:, 3:5].T) * levers, 0.9))
+        lever = _thousand(far, MIN_LEVER, MAX_LEVER * diagonal)
+    point, arm = (lever * unit, arm) if kind == 1 else (unit, lever * arm)
+    for what, factor in (("corners", size), ("points" if kind == 1 else "moments", lever)):
+        if factor != 1.0:
+            notes += (f"{name} has its {what} in another unit than told: taken times {factor:g}",)
+    force, moment = plate_wrench(kind, values, places, sensor, point, arm)
     return ForcePlate(f"plate {k + 1}", time, force, moment, places), notes
+
+
+def _thousand(size: float, least: float, most: float) -> float:
+    """Return the factor 1000, 1 or 0.001 that brings a size into a range; 1 if neither does."""
+    return next((f for f in (1.0, 1e3, 1e-3) if least < f * size < most), 1.0)
 
 
 def _sensors(name: str, kind: int, corners: Array, origin: Array) -> tuple[Array, tuple[str, ...]]:
