@@ -342,6 +342,26 @@ def test_mot_plates_are_read(tmp_path: Path) -> None:
     assert up.force[0].tolist() == [10.0, 5.0, 700.0]
 
 
+def test_mot_in_mm_is_read_with_a_note(tmp_path: Path) -> None:
+    """As OpenSim's adapter makes it of a C3D file."""
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    names = [f"f1_{kind}{axis}" for kind in ("v", "p", "torque_") for axis in "xyz"]
+    rows = "0.0 10 700 -5 100 0 200 0 3000 0\n0.1 20 800 5 100 0 200 0 4000 0\n"
+    (tmp_path / "a.mot").write_text(f"endheader\ntime {' '.join(names)}\n{rows}")
+    found = read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot")
+    expected = np.cross((0.1, 0.0, 0.2), (10.0, 700.0, -5.0)) + (0.0, 3.0, 0.0)
+    np.testing.assert_allclose(found.plates[0].moment[0], expected)
+    assert any("points of f1 are taken for mm" in note for note in found.notes)
+
+
+def test_notes_on_plates_of_another_file_are_told(march: March, tmp_path: Path) -> None:
+    path, _ = march
+    _with(path, "FORCE_PLATFORM", TYPE=[7.0])
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    notes = read_markers(tmp_path / "a.trc", forces=path).notes
+    assert any("force plate 1 was left out: its type is 7" in note for note in notes)
+
+
 def test_trc_with_repeated_names_takes_the_first_with_a_note(tmp_path: Path) -> None:
     path, (recording, _) = tmp_path / "a.trc", recorded(BODY, seconds=0.1)
     write_trc(path, recording)

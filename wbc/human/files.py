@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 from wbc.errors import InvalidInputError
@@ -94,16 +95,21 @@ def read_markers(
                 raise RecordingError(what, source)
         if not standing:
             found.check_moving()
-        return found if forces is None else found.with_plates(_plates(Path(forces)))
+        if forces is None:
+            return found
+        plates, notes = _plates(Path(forces))
+        return replace(found, plates=plates, notes=found.notes + notes)
     except RecordingError:
         raise
     except InvalidInputError as error:
         raise RecordingError(str(error).removeprefix(f"{source}: "), source) from error
 
 
-def _plates(path: Path) -> tuple[ForcePlate, ...]:
+def _plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
+    """Return the force plates of a file, and notes on it."""
     if path.suffix.lower() == ".c3d":
-        return read_c3d(path).plates
+        found = read_c3d(path)
+        return found.plates, tuple(f"{path.name}: {note}" for note in found.notes)
     if path.suffix.lower() in PLATES:
         return read_plates(path)
     raise RecordingError(f"force plates are read from {', '.join(PLATES)}", str(path))

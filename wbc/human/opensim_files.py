@@ -15,6 +15,8 @@ from wbc.validate import Array
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
 MAX_MARKERS = 1000
 MIN_FORCE = 10.0  # N: below it a plate's CoP is noise, and its force is set to 0
+# m, of points from the origin, and of free torques by the force: what is larger is in (N) mm.
+MAX_POINT, MAX_FREE_ARM = 20.0, 0.5
 _COLUMN, _WORD = re.compile("(.*?)_?([vpm]?)([xyz])"), re.compile("_?(force|torque|moment)")
 
 
@@ -89,12 +91,13 @@ def _cells(line: str) -> list[str]:
     return line.split() if blank else line.split("\t")
 
 
-def read_plates(path: Path) -> tuple[ForcePlate, ...]:
-    """Return the force plates of an OpenSim MOT or STO file.
+def read_plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
+    """Return the force plates of an OpenSim MOT or STO file, and notes.
 
     Columns ``..._vx`` to ``..._vz`` are the force, ``..._px`` to ``..._pz`` its point, and those
-    with ``torque`` or ``moment`` in their names the torque there, in N, m and N m. Points and
-    torques of an unloaded plate may be missing.
+    with ``torque`` or ``moment`` in their names the torque there, in N, m and N m, or in mm and
+    N mm, as OpenSim's reader of C3D files gives them. Points and torques of an unloaded plate may
+    be missing.
 
     Raises
     ------
@@ -115,7 +118,7 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     columns = _by_plate(names)
     if not columns:
         raise RecordingError("no force is in it: three columns such as ground_force_vx", source)
-    plates = []
+    plates, notes = list[ForcePlate](), list[str]()
     for plate, found in columns.items():
         if "p" not in found:
             what = f"{plate} has no point: three columns such as {plate}_px are needed"
@@ -128,10 +131,15 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
         if missing.any():
             row = int(np.flatnonzero(missing)[0]) + 1
             raise RecordingError(f"a number of {plate} is missing", source, None, row)
+        if loaded.any() and np.median(np.linalg.norm(point[loaded], axis=1)) > MAX_POINT:
+            point = 1e-3 * point
+            arms = np.linalg.norm(torque[loaded], axis=1) / np.linalg.norm(force[loaded], axis=1)
+            torque = (1e-3 if np.median(arms) > MAX_FREE_ARM else 1.0) * torque
+            notes.append(f"points of {plate} are taken for mm: in m they would be far away")
         force = np.where(loaded[:, None], force, 0.0)
         moment = np.where(loaded[:, None], np.cross(point, force) + torque, 0.0)
         plates.append(ForcePlate(plate, rows[:, 0], force, moment))
-    return tuple(plates)
+    return tuple(plates), tuple(notes)
 
 
 def _by_plate(names: list[str]) -> dict[str, dict[str, list[int]]]:
