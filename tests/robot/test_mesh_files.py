@@ -291,6 +291,8 @@ def test_binary_stl_files_are_what_coal_reads(tmp_path: Path, rng) -> None:
     text = tmp_path / "text.stl"  # of which the count is none
     text.write_text("solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n")
     assert is_read_here(path) and not is_read_here(text)
+    path.write_bytes(path.read_bytes() + b"\r\n")  # as some exporters end them
+    np.testing.assert_array_equal(read_mesh(path).vertices, ours.vertices)
 
 
 def test_triangles_of_obj_files_are_counted(

@@ -133,11 +133,14 @@ def refuse_huge_meshes(files: Iterable[Path]) -> None:
 
 
 def _binary_stl_count(path: Path) -> int | None:
-    """Return the number of triangles in a binary STL file's header; None for text files."""
+    """Return the number of triangles in a binary STL file's header; None for text files.
+
+    Bytes may follow the triangles, as some exporters write them.
+    """
     with path.open("rb") as file:
         count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
     size = _STL_HEADER + _STL_TRIANGLE.itemsize * count
-    return count if path.stat().st_size == size else None
+    return count if path.stat().st_size >= size else None
 
 
 def _refuse_triangles(path: Path, count: int) -> None:
@@ -201,7 +204,8 @@ def _read_stl(path: Path) -> Triangles:
 
     Degenerate triangles are left out. Vertices are in the order of their first use.
     """
-    found = np.frombuffer(path.read_bytes(), dtype=_STL_TRIANGLE, offset=_STL_HEADER)["corners"]
+    count = _binary_stl_count(path) or 0
+    found = np.frombuffer(path.read_bytes(), _STL_TRIANGLE, count, _STL_HEADER)["corners"]
     points = np.ascontiguousarray(found).reshape(-1, 3) + np.float32(0.0)  # -0 is 0
     rows = points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
     _, first, numbers = np.unique(rows, return_index=True, return_inverse=True)
