@@ -122,7 +122,10 @@ class MomentumObserver:
 
     @property
     def residual(self) -> Array:
-        """External generalised force (nv,) [N, N m], the base's in its axes; a copy."""
+        """External generalised force (nv,) [N, N m], the base's in its axes; a copy.
+
+        Where loops or gears tie joints together it has their forces, too.
+        """
         return self._residual.copy()
 
     @property
