@@ -78,8 +78,8 @@ def test_accelerations_that_joints_have_make_the_way_longer(hoap2: Robot) -> Non
     for known in (None, limits):
         margins = SelfCollision(hoap2, pairs=1, limits=known)
         if known is not None:
-            limits.acceleration = np.full(hoap2.nv - 6, 0.4)
-            margins = SelfCollision(hoap2, pairs=1, limits=limits)
+            margins.braked_rows(here, 0.002)
+            limits.acceleration = np.full(hoap2.nv - 6, 0.4)  # counts from now on
         rows = margins.braked_rows(here, 0.002)
         distances = margins.distances(here, np.arange(len(margins.margins)))
         speed = -distances.jacobian @ v

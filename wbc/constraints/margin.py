@@ -110,9 +110,8 @@ class Margin(DeclaredAttributes, Constraint):
         self.robot = robot
         self.name = name
         self.braking = BrakingParameters() if braking is None else braking
-        self._joint_acceleration = (
-            None if limits is None else np.minimum(JOINT_SHARE * limits.acceleration, 1e9)
-        )
+        self._braking_limits = limits
+        self._counted_on: tuple[Array, Array] | None = None  # limits' accelerations, and what of it
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
@@ -125,6 +124,16 @@ class Margin(DeclaredAttributes, Constraint):
         elif name == "robot" and name in self.__dict__ and not self._takes_any:
             raise InvalidInputError(f"{self!r}: robot cannot be assigned; make another")
         super()._set_attribute(name, value)
+
+    @property
+    def _joint_acceleration(self) -> Array | None:
+        """What braking counts on (nv - 6,): the same array until the limits' is assigned."""
+        if self._braking_limits is None:
+            return None
+        given, known = self._braking_limits.acceleration, self._counted_on
+        if known is None or known[0] is not given:
+            self._counted_on = known = given, np.minimum(JOINT_SHARE * given, 1e9)
+        return known[1]
 
     @abstractmethod
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
