@@ -853,7 +853,7 @@ def test_recordings_from_wrong_arrays_are_refused() -> None:
     for use in (few.check_moving, lambda: human_motion(few)):
         with pytest.raises(WbcError, match="3 frames; at least"):
             use()
-    with pytest.raises(WbcError, match="expected x, y or z, got 'w'"):
+    with pytest.raises(WbcError, match="expected x, y, z, -x, -y, -z, got 'w'"):
         MarkerRecording(time, ("a", "b"), places).upright("w")
     with pytest.raises(WbcError, match="times must increase, at least two"):
         ForcePlate("plate", np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)))

@@ -547,6 +547,16 @@ def test_given_axis_that_is_not_up_is_noted() -> None:
     assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
 
 
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_axes_that_point_down_may_be_given(axis: str) -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    upright = human_motion(recording, mass=72.0)
+    down = np.roll(recording.positions * (-1.0, 1.0, -1.0), "zxy".index(axis), axis=2)
+    human = human_motion(replace(recording, positions=down, up=None), mass=72.0, up=f"-{axis}")
+    assert not any("taken for up" in note for note in human.notes)
+    np.testing.assert_allclose(human.motion.base[:, 2], upright.motion.base[:, 2], atol=1e-3)
+
+
 def test_impossible_speed_is_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.3)
     for speed, told in ((9.0, False), (90.0, True)):

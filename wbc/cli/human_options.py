@@ -31,7 +31,9 @@ Stature = Annotated[
     float | None, typer.Option(help="Human: in m; by default by the calibrated lengths.")
 ]
 Sex = Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")]
-Up = Annotated[str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")]
+Up = Annotated[
+    str | None, typer.Option(help="Human: the file's vertical axis, x, y or z; -z: z down.")
+]
 Unit = Annotated[
     str | None,
     typer.Option(help="Human: of a BVH file's lengths, cm, m, inch, mm, cmu, or a length in m."),

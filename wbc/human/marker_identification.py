@@ -117,7 +117,8 @@ def rotate_z_up(
     up_vector /= np.linalg.norm(up_vector)
     k = int(np.abs(up_vector).argmax())
     if axis is not None:
-        lies = axis in UPS and up_vector["xyz".index(axis)] < LYING
+        sign = -1.0 if axis.startswith("-") else 1.0
+        lies = axis in UPS and sign * up_vector["xyz".index(axis[-1])] < LYING
         found = f"{'-' * bool(up_vector[k] < 0.0)}{'xyz'[k]}"
         note = (
             f"{axis} taken for up, as given, but the trunk is along {found} of the feet: does the"
@@ -127,7 +128,8 @@ def rotate_z_up(
     if up_vector[k] < -UPRIGHT:
         raise RecordingError(
             f"the trunk is along -{'xyz'[k]} of the feet: its {'xyz'[k]} axis points down, as a"
-            " camera's (negate two axes), or the human sits or lies: say which axis is up (up)",
+            f" camera's (up='-{'xyz'[k]}', --up -{'xyz'[k]}), or the human sits or lies: say which"
+            " axis is up (up)",
             recording.source,
         )
     if not up_vector[k] > UPRIGHT:

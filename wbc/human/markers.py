@@ -21,7 +21,8 @@ _TO_Z = {
     "y": np.array(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))),
     "x": np.array(((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))),
 }
-UPS = tuple(_TO_Z)
+_TO_Z |= {f"-{axis}": np.diag((1.0, -1.0, -1.0)) @ R for axis, R in _TO_Z.items()}
+UPS = ("x", "y", "z", "-x", "-y", "-z")
 MAX_DISTANCE = 1e3  # m from the origin: beyond, it is another unit
 # Readings of an unloaded plate: at most this [N] or this part of its largest vertical force, within
 # a part of that of their median, for at least a time [s].
@@ -111,7 +112,8 @@ class MarkerRecording:
     plates:
         Force plates, in the same world and time.
     up:
-        Vertical axis of the world: ``x``, ``y``, ``z``, or None: to be found from the markers.
+        Vertical axis of the world: ``x``, ``y``, ``z``, ``-z`` where that points down, and so on;
+        None: to be found from the markers.
     source:
         Its origin, for messages.
     notes:
@@ -204,7 +206,7 @@ class MarkerRecording:
     def upright(self, up: str) -> MarkerRecording:
         """Return the recording in a world whose z axis is this one's ``up``."""
         if up not in UPS:
-            raise InvalidInputError(f"up: expected x, y or z, got {up!r}")
+            raise InvalidInputError(f"up: expected {', '.join(UPS)}, got {up!r}")
         R = _TO_Z[up]
         plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
         return replace(self, positions=self.positions @ R.T, plates=plates, up="z")

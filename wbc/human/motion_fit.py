@@ -165,8 +165,8 @@ def human_motion(
     sex:
         ``male`` or ``female``: which table of segments is used.
     up:
-        Vertical axis of the file, ``x``, ``y`` or ``z``; None: the recording's, or the one from
-        feet to trunk.
+        Vertical axis of the file, ``x``, ``y`` or ``z``, or ``-z`` where that points down; None:
+        the recording's, or the one from feet to trunk.
     ground_height:
         [m]; None: 0, unless the feet contradict it.
     longest_gap:
