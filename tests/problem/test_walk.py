@@ -106,7 +106,7 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
         ({"gait.commands": [{"at": 0, "vz": 1}]}, "did you mean 'vy'"),
         ({"gait.weights": {"trunk": 0}}, "walking weights, trunk: must be greater than 0"),
         ({"support": "left"}, "support: 'left' does not exist"),
-        ({"robot": {"model": "hoap2_like", "feet": {}}}, "gait: walker: walking takes two feet"),
+        ({"robot": {"model": "hoap2_like", "feet": {}}}, "gait: biped: two feet are expected"),
     ],
 )  # fmt: skip
 def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:
@@ -118,7 +118,7 @@ def test_what_has_no_two_feet_is_told_that_walking_takes_them(tmp_path: Path) ->
     feet = "{front: {link: left_sole}, hind: {link: right_sole}}"
     text = WALK.replace("robot: hoap2_like", f"robot: {{model: hoap2_like, feet: {feet}}}")
     said = complaint_of(tmp_path, text)
-    assert "p.yaml:2: gait: walker: walking takes two feet, left and right; hoap2_like has" in said
+    assert "p.yaml:2: gait: biped: two feet are expected, left and right; hoap2_like has" in said
     assert "front, hind" in said and "support" not in said
 
 

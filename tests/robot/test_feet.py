@@ -285,7 +285,9 @@ def test_feet_that_are_points_are_said(tmp_path: Path) -> None:
     ball = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
     robot = Robot.load(legged(tmp_path, shape=ball))
     assert "its feet are points" in robot.notes[0]
-    with pytest.raises(InvalidInputError, match=r"walking takes soles .* left_foot, right_foot"):
+    with pytest.raises(
+        InvalidInputError, match=r"soles to stand on are expected.* left_foot, right_foot"
+    ):
         Walker(robot)
 
 

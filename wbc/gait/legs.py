@@ -80,7 +80,7 @@ class Legs:
             Another number of feet, a base that is fixed, a leg without a knee, or a left foot that
             stands to the right of the right one.
         """
-        check_walker(robot)
+        check_biped(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
         legs = [_leg(robot, side, limits) for side in SIDES]
         places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
@@ -89,7 +89,7 @@ class Legs:
         if ahead[0] * separation[1] - ahead[1] * separation[0] <= 0.0:
             links = [robot.feet[side].link for side in SIDES]
             raise InvalidInputError(
-                f"walker: the left foot of {robot.name}, {links[0]}, does not stand to the left of"
+                f"biped: the left foot of {robot.name}, {links[0]}, does not stand to the left of"
                 f" the right one, {links[1]}; exchange them in feet, or turn their frames: x is"
                 " ahead"
             )
@@ -138,19 +138,19 @@ class Legs:
         return self.com_height - self.hip_height + math.sqrt(max(max_length**2 - reach**2, 0.0))
 
 
-def check_walker(robot: Robot) -> None:
-    """Refuse robots that cannot walk on two feet.
+def check_biped(robot: Robot) -> None:
+    """Refuse robots that are no bipeds.
 
     Raises
     ------
     InvalidInputError
         No robot, one on a fixed base, or one whose feet are not ``left`` and ``right`` with soles.
     """
-    check_robot("walker, robot", robot)
+    check_robot("biped, robot", robot)
     if set(robot.feet) != set(SIDES):
         feet = ", ".join(robot.feet) or "none"
         raise InvalidInputError(
-            f"walker: walking takes two feet, left and right; {robot.name} has: {feet}. Name them"
+            f"biped: two feet are expected, left and right; {robot.name} has: {feet}. Name them"
             " in Robot.load(..., feet={'left': ..., 'right': ...})"
         )
     points = [
@@ -161,13 +161,13 @@ def check_walker(robot: Robot) -> None:
     ]
     if points:
         raise InvalidInputError(
-            f"walker: walking takes soles to stand on; {robot.name} touches the ground in points,"
+            f"biped: soles to stand on are expected; {robot.name} touches the ground in points,"
             f" or along edges across its way, with {', '.join(points)}. Give polygons:"
             " Robot.load(..., feet={'left': {'link': ..., 'polygon': [[x, y], ...], 'height': ...},"
             " ...})"
         )
     if robot.fixed_base:
-        raise InvalidInputError(f"walker: the base of {robot.name} is fixed; load it floating")
+        raise InvalidInputError(f"biped: the base of {robot.name} is fixed; load it floating")
 
 
 def bearing_joints(robot: Robot) -> Array:
@@ -185,7 +185,7 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
     joints = leg_joints(robot, side)
     if len(joints) < 3:
         raise InvalidInputError(
-            f"walker: the {side} leg of {robot.name} has {len(joints)} joints of its own; walking"
+            f"biped: the {side} leg of {robot.name} has {len(joints)} joints of its own; walking"
             " takes a hip, a knee and an ankle"
         )
     snapshot = robot.snapshot(robot.postures[STANDING])
@@ -197,7 +197,7 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
         if float(np.abs(J[row, which]).max()) < MIN_LEVER * float(lengths.max()):
             names = [str(robot.model.names[joint]) for joint in joints]
             raise InvalidInputError(
-                f"walker: the {side} leg of {robot.name} is {', '.join(names)}; the"
+                f"biped: the {side} leg of {robot.name} is {', '.join(names)}; the"
                 f" last one is the ankle, and those above the knee cannot swing the foot {where}:"
                 " walking takes hips that pitch and roll, a knee and an ankle"
             )

@@ -18,7 +18,7 @@ from wbc.controllers.joint_weights import moved_by
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.hand_support import HandSupport
-from wbc.gait.legs import check_walker
+from wbc.gait.legs import check_biped
 from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
@@ -60,7 +60,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     start = _start(spec, folder, mistakes)
     robot = start.robot
     if isinstance(spec, WalkSpec):
-        mistakes.require(("gait",), partial(check_walker, robot))
+        mistakes.require(("gait",), partial(check_biped, robot))
     built = dict[str, TargetedTask]()
     for name, task in spec.tasks.items():
         with mistakes.at("tasks", name):

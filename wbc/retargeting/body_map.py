@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.gait.legs import SIDES, bending_joint, check_walker
+from wbc.gait.legs import SIDES, bending_joint, check_biped
 from wbc.robot import Robot, Snapshot
 from wbc.robot.chains import chain_to, leg_joints
 from wbc.robot.names import BASE
@@ -100,7 +100,7 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     UnknownNameError
         A part or a frame that does not exist.
     """
-    check_walker(robot)
+    check_biped(robot)
     given = {} if links is None else dict(by_name("retarget, links", links))
     for part, frame in given.items():
         if part not in PARTS:
