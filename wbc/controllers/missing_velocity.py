@@ -36,16 +36,21 @@ class MissingVelocity:
     def __init__(self, dt: float, damped: bool) -> None:
         self._dt, self._damped = dt, damped
         self._ticks, self._warned = 0, False
-        self._q: Array | None = None  # of the last tick at rest
-        self._step: Array = np.empty(0)  # (nv - 6,) that its command makes of the joints
+        self._measured = b""  # of the last tick at rest
+        self._velocity: Array = np.empty(0)  # that it commanded
+        self._q: Array | None = None  # its joints' positions
 
     def watch(self, snapshot: Snapshot, velocity: Array, limits: Limits | None) -> None:
         """Record a tick at rest; warn at the third in a row between which the robot moved."""
         if self._warned:
             return
+        last, self._velocity = self._velocity, velocity
+        if snapshot.measured == self._measured:  # it does not move: most ticks at rest
+            self._ticks = 1
+            return
+        self._measured = snapshot.measured
         before, self._q = self._q, snapshot.joint_positions
-        step, self._step = self._step, self._dt * velocity[BASE_NV:]
-        follows = before is not None and _follows(self._q - before, step)
+        follows = before is not None and _follows(self._q - before, self._dt * last[BASE_NV:])
         holds = self._damped or (limits is not None and self._at_limit(velocity, limits))
         self._ticks = self._ticks + 1 if follows and holds else 1
         if self._ticks >= TICKS:
