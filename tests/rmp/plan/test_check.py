@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from benchmarks.planner import EXAMPLES
-from wbc.rmp.plan import Check, Plan, check
+from benchmarks.planner import EXAMPLES, example
+from wbc.rmp.plan import Check, Plan, check, solve
 
 FLIGHTS = [name for name in EXAMPLES if name.startswith("hop")]
 Planned = Callable[[str], Plan]
@@ -108,3 +108,9 @@ def test_check_sees_what_was_tampered_with(planned: Planned) -> None:
     turned = tampered(places.named["orientation"][10, 0], 0.1)
     # sigma of 0.1 is 4 atan(0.1) rad; the plan's own lean is small.
     assert turned.defects["orientation"] == pytest.approx(4 * np.arctan(0.1), rel=0.05)
+
+
+def test_a_goal_whose_turn_is_free_about_every_axis_is_reached_with_any() -> None:
+    lean = example("lean")
+    plan = solve(replace(lean, goal=replace(lean.goal, rotation=(None, None, None))))
+    assert check(plan).ok

@@ -24,6 +24,8 @@ SQUARE = rectangle(0.0, 0.0, 0.2, 0.2)
         (lambda: PathLimits(leg_length=(0.0, 1.0)), "leg_length"),
         (lambda: PathLimits(radius=(0.3, 0.1)), "radius"),
         (lambda: PathLimits(friction=-1.0), "friction"),
+        (lambda: PathLimits(torsion=-0.1), "torsion"),
+        (lambda: PathLimits(force=np.array((500.0, 600.0))), "limits: force: expected a number"),
     ],
 )
 def test_impossible_data_are_refused(build: object, message: str) -> None:

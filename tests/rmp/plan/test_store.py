@@ -99,7 +99,7 @@ def test_plan_whose_parts_were_changed_is_refused_by_what_is_wrong(tmp_path: Pat
         (json.dumps(meta | {"problem": meta["problem"] | {"schedule": 3}}), "list of phases"),
         (json.dumps(meta | {"problem": pendulum}), "unknown pendulum kind 'cubic'"),
     ):
-        with pytest.raises(InvalidInputError, match=said):
+        with pytest.raises(InvalidInputError, match=f"changed.npz: .*{said}"):
             load_plan(_with_meta(path, changed))
     with pytest.raises(InvalidInputError, match="is not one of its problem"):
         load_plan(_with_meta(path, text, solution=plan.solution[:-1]))

@@ -201,8 +201,8 @@ def _missed_angle(reference: Sequence[float], state: State, there: Array) -> flo
     rotation = state.rotation or ()
     if None in rotation:
         # Where only zeros are given: the part of the turn about those axes.
-        vector = away.as_rotvec()
-        return max(abs(x) for x, y in zip(vector.tolist(), rotation, strict=True) if y is not None)
+        given = [each is not None for each in rotation]
+        return float(np.abs(away.as_rotvec()[given]).max(initial=0.0))
     aim = Rotation.from_rotvec(np.array(rotation, dtype=float))
     return angle_between(aim.as_quat(), away.as_quat())
 

@@ -14,6 +14,7 @@ from wbc.kinds import check_kind
 from wbc.polygon import checked_polygon, convex_hull, half_planes
 from wbc.validate import (
     Array,
+    check_fields,
     check_unmasked,
     finite_array,
     finite_number,
@@ -214,11 +215,11 @@ class PathLimits:
         for each in fields(self):
             name, value = each.name, getattr(self, each.name)
             if isinstance(each.default, tuple):
-                value = interval(f"limits: {name}", value, positive=each.default[0] > 0.0)
-            elif value != FREE:
+                pair = interval(f"limits: {name}", value, positive=each.default[0] > 0.0)
+                set_fields(self, **{name: pair})
+            else:
                 above, least = (-FREE, 0.0) if name == "torsion" else (0.0, -FREE)
-                value = finite_number(f"limits: {name}", value, above=above, least=least)
-            set_fields(self, **{name: value})
+                check_fields(self, "limits: ", name, above=above, least=least, unlimited=True)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.files import read_arrays, write_arrays
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
@@ -113,7 +113,7 @@ def load_plan(path: str | Path) -> Plan:
     try:
         problem = problem_from_data(meta.get("problem", {}))
         stats = _decoded("stats", Stats, meta.get("stats"))
-    except (UnknownNameError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (WbcError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InvalidInputError(f"{path}: is damaged: {error}") from error
     solution, at_variables, at_rows = arrays
     if {solution.shape, at_variables.shape} != {(lay_out(problem).count,)}:
