@@ -95,7 +95,11 @@ def test_feet_are_checked_by_default(hoap2: Robot) -> None:
     assert series.standing.all() and not series.cop_unknown.any()
     assert (series.cop_margin > 0.02).all()
     assert analyze(still, feet=None).cop_margin is None
-    assert analyze(still, feet=["left", "left"]).feet == ("left",)
+    assert analyze(still, feet=np.array(("left", "right"))).feet == ("left", "right")
+    with pytest.raises(InvalidInputError, match="'left' is named twice"):
+        analyze(still, feet=["left", "left"])
+    with pytest.raises(UnknownNameError, match="'auto'"):
+        analyze(still, feet=["auto"])
     # No sole is on this ground: nothing is said of the CoP, and that is said.
     lower = analyze(still, ground_height=-0.3)
     assert lower.cop_unknown.all() and np.isnan(lower.cop_margin).all()

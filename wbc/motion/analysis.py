@@ -110,8 +110,9 @@ def analyze(
         }
         measured = ground_wrench(wrenches, whole)
     reaction = ground_reaction(robot, whole, height, measured)
+    fixed = not (isinstance(feet, str) and feet == AUTO)
     standing, margin = standing_feet(
-        robot, whole.soles, names, feet != AUTO, frames.planted, reaction["flight"],
+        robot, whole.soles, names, fixed, frames.planted, reaction["flight"],
         reaction["cop"], height, frames.time,
     )  # fmt: skip
     angular_velocity = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]

@@ -93,16 +93,15 @@ def feet_to_check(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, 
     Raises
     ------
     InvalidInputError
-        An empty choice.
+        An empty choice, or a foot that is named twice.
     UnknownNameError
         A foot that the robot does not have; see :meth:`Robot.foot`.
     """
     if feet is None:
         return ()
-    names = (feet,) if isinstance(feet, str) else feet
-    names = names_of("feet", [*dict.fromkeys(names)] if isinstance(names, list | tuple) else names)
-    if names == (AUTO,):
+    if isinstance(feet, str) and feet == AUTO:
         return tuple(robot.feet)
+    names = names_of("feet", feet)
     if not names:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     for name in names:
