@@ -8,7 +8,7 @@ import pytest
 from wbc import ComTask, KinematicController, Limits, PostureTask, Robot, support
 from wbc.controllers import Tick
 from wbc.controllers.closed_loop import ticks_of
-from wbc.errors import ControllerFailure
+from wbc.errors import ControllerFailure, UnknownNameError
 from wbc.run import RunStatus, Stop, closed_loop, simulate
 
 
@@ -33,6 +33,16 @@ def test_a_controller_runs_to_rest_without_a_file(hoap2: Robot) -> None:
     assert result.slip.value < 5e-4  # m; the target jumps
     assert result.balance is not None
     assert result.balance.value > 0.0
+
+
+def test_tolerances_of_a_task_that_there_is_not_are_refused_first(hoap2: Robot) -> None:
+    with pytest.raises(UnknownNameError, match="unknown task 'con'"):
+        simulate(
+            controller(hoap2),
+            hoap2.posture(),
+            Stop(accept={"con": 1e-3}),
+            show=lambda *_: pytest.fail("it ran"),
+        )
 
 
 def test_a_run_is_the_loop_tick_by_tick(hoap2: Robot) -> None:

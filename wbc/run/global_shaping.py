@@ -79,8 +79,12 @@ def shape_globally(
         No search ended at a posture that satisfies every constraint.
     KeyboardInterrupt
         Interrupted before a posture was found, or during the motion.
+    UnknownNameError
+        The stop criteria accept a task that there is not.
     """
-    calls = Callbacks(progress, observe, cancelled, show)
+    calls, problem = Callbacks(progress, observe, cancelled, show), shaping.problem
+    tasks = tuple(tasks) or problem.tasks
+    stop.check_tasks(tasks)
 
     def report_search(search: int, total: int, cost: float | None) -> None:
         if progress is not None:
@@ -89,10 +93,7 @@ def shape_globally(
     report_search(0, starts, None)  # sampling and projecting many starts takes a while
     outcome = shaping.solve(q, starts, seconds, workers, seed, report_search, patience)
     reach_started = perf_counter()
-    problem = shaping.problem
-    recording = _MotionRecorder(
-        problem, tuple(tasks) or problem.tasks, ticks_in(stop.duration, dt), dt, calls
-    )
+    recording = _MotionRecorder(problem, tasks, ticks_in(stop.duration, dt), dt, calls)
     motion = shaping.reach(
         q,
         outcome,
@@ -109,7 +110,7 @@ def shape_globally(
     effort = SearchEffort(**statistics, starts=starts, reach_seconds=reach_seconds)
     recorder = recording.recorders[_target_index(outcome, motion)]
     result = conclude(
-        recording.tasks,
+        tasks,
         stop,
         recorder,
         recording.standing,

@@ -55,10 +55,13 @@ def simulate(
     ------
     InvalidInputError
         An unusable configuration.
+    UnknownNameError
+        The stop criteria accept a task that there is not.
     """
     if not isinstance(controller, PhaseExecutor):
         controller = PhaseExecutor.single(controller, controller.robot.snapshot(q))
     phases, calls = controller, Callbacks(progress, observe, cancelled, show)
+    stop.check_tasks(phases.tasks)
     first = phases.controller
     robot, dt = first.robot, first.dt
     total = ticks_in(stop.duration, dt)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from wbc.errors import UnknownNameError
+from wbc.tasks import Task
 from wbc.validate import by_name, check_fields, finite_number
 
 REST_TICKS = 10
@@ -52,6 +54,13 @@ class Stop:
         check_fields(self, "stop, ", *(name for name in optional if vars(self)[name] is not None))
         for name, norm in by_name("stop, accept", self.accept).items():
             finite_number(f"stop, accept, {name}", norm, least=0.0)
+
+    def check_tasks(self, tasks: Iterable[Task]) -> None:
+        """Raise UnknownNameError if ``accept`` names a task that is none of these."""
+        names = [task.name for task in tasks]
+        for name in self.accept:
+            if name not in names:
+                raise UnknownNameError("task", name, names)
 
 
 class RunStatus(StrEnum):

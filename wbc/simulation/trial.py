@@ -62,7 +62,10 @@ def run_trial(
         A controller of another robot, or one that gives no torques.
     SimulationError
         The physics blew up.
+    UnknownNameError
+        The stop criteria accept a task that there is not.
     """
+    stop.check_tasks(phases.tasks)
     calls = Callbacks(progress, cancelled=cancelled, show=show)
     total = ticks_in(stop.duration, plant.dt)
     record = TrialRecord(plant, phases)
