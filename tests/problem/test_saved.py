@@ -1,5 +1,6 @@
 """A result read back is the run that was saved."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -53,6 +54,11 @@ def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) ->
         load_result(path)
     np.savez(path, summary=np.array('{"format": "wbc retargeted motion 1"}'))
     with pytest.raises(InvalidInputError, match="to see it: wbc analyze MOTION"):
+        load_result(path)
+    summary = result.summary()
+    summary["held_back"] = {"knee": {"ticks": 0, "seconds": None, "first": 0.0, "last": 0.1}}
+    np.savez(path, summary=np.array(json.dumps(summary)))
+    with pytest.raises(InvalidInputError, match=r"(?s)held_back.knee.ticks.*held_back.knee.sec"):
         load_result(path)
     path.write_text("text")
     with pytest.raises(InvalidInputError, match="cannot be read"):

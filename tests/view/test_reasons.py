@@ -18,6 +18,7 @@ from wbc.view import run_figure
 from wbc.view.history import read_history
 from wbc.view.options import LAYERS, View
 from wbc.view.portrait import Pose, captions, portraits_of
+from wbc.view.run import plot_clearance
 from wbc.view.solids import solid_surface
 
 
@@ -38,6 +39,12 @@ def test_constraints_are_plotted(result: Result, figure: Figure) -> None:
     zero, left = axes.lines
     assert list(zero.get_ydata()) == [0.0, 0.0]
     np.testing.assert_allclose(left.get_ydata(), 1e3 * result.history.clearance["room"])
+
+
+def test_a_constraint_that_nothing_is_near_has_no_curve() -> None:
+    axes = Figure().subplots()
+    plot_clearance(axes, np.arange(3.0), {"room": np.full(3, np.inf)}, {})
+    assert axes.get_ylim() == (-0.1, 1.0)
 
 
 def test_bars_are_as_long_as_rows_held_back(result: Result, figure: Figure) -> None:

@@ -17,7 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from wbc.errors import InvalidInputError, listed
 from wbc.robot import Robot
 
-Number = Annotated[float, Field(strict=True)] | None  # what is not finite is written as null
+Real = Annotated[float, Field(strict=True)]
+Number = Real | None  # what is not finite is written as null
 Text = Annotated[str, Field(strict=True)]
 REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
 SEE_MOTION = (
@@ -70,9 +71,10 @@ class _Constraint(_Part):
 
 
 class _HeldBack(_Part):
-    seconds: Number
-    first: Number
-    last: Number
+    ticks: Annotated[int, Field(strict=True, gt=0)]
+    seconds: Real
+    first: Real
+    last: Real
 
 
 class _Times(_Part):
@@ -82,9 +84,9 @@ class _Times(_Part):
 
 
 class _Push(_Part):
-    impulse: list[Annotated[float, Field(strict=True)]]
+    impulse: list[Real]
     body: Text
-    at: Annotated[float, Field(strict=True)]
+    at: Real
 
 
 class _Simulation(_Part):
@@ -93,7 +95,7 @@ class _Simulation(_Part):
     least_cop_margin: Number = None
     peak_tilt: Number = None
     lost_frames: Number = None
-    saturated: dict[str, Annotated[float, Field(strict=True)]] = {}
+    saturated: dict[str, Real] = {}
     notes: list[Text] = []
     terrain: dict[str, Any] | None = None
 

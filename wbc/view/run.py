@@ -127,7 +127,8 @@ def plot_clearance(
     axes.set_yscale("symlog", linthresh=LINEAR)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     seen = np.concatenate([one.values[np.isfinite(one.values)] for one in series])
-    axes.set_ylim(min(-0.1, 1.5 * float(seen.min())), max(1.0, 1.5 * float(seen.max())))
+    low, high = seen.min(initial=0.0), seen.max(initial=0.0)  # nothing may be near all the time
+    axes.set_ylim(min(-0.1, 1.5 * float(low)), max(1.0, 1.5 * float(high)))
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)
     plot_curves(axes, time, series)
 
