@@ -142,6 +142,15 @@ def test_without_a_port_the_next_free_one_is_taken(monkeypatch: pytest.MonkeyPat
         assert port < page_address(HOST, None).port < port + process.PORTS_TRIED
 
 
+@pytest.mark.parametrize("program", ["raise SystemExit(1)", "import sys; sys.stdin.read()"])
+def test_a_page_that_ends_before_it_answers_is_told(
+    robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch, program: str
+) -> None:
+    monkeypatch.setattr(process, "_PROGRAM", program)
+    with pytest.raises(WbcError, match="the page did not start: its process has ended"):
+        Viewer(robot, quiet=True)
+
+
 def test_what_cannot_be_shown(robot: wbc.Robot, viewer: Viewer) -> None:
     with pytest.raises(InvalidInputError, match="expected a robot"):
         Viewer("g1")  # type: ignore[arg-type]

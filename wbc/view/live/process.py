@@ -112,11 +112,14 @@ class PageProcess:
             )
         self._socket = ours
         self._pipe = Connection(os.dup(ours.fileno()))
-        self.send(place)
-        self.send(setup)
-        answer = (
-            self._pipe.recv() if self._pipe.poll(START_TIMEOUT) else Failed("it did not answer")
-        )
+        answer: object = Failed("it did not answer")
+        try:
+            self.send(place)
+            self.send(setup)
+            if self._pipe.poll(START_TIMEOUT):
+                answer = self.receive()
+        except (OSError, EOFError):
+            answer = Failed("its process has ended")
         if not isinstance(answer, Ready):
             self.close()
             raise WbcError(f"viewer: the page did not start: {getattr(answer, 'reason', answer)}")
