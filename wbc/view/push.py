@@ -64,7 +64,7 @@ def _title_of(maps: Sequence[PushMap], k: int) -> str:
     text = f"least {one.least:.2f}, mean {one.mean:.2f}"
     if k == 0 and len(maps) > 1:
         _, mean, _ = compare_maps(maps[0], maps[1])
-        text += f"; {mean:.2f} x {maps[1].name}" if np.isfinite(mean) else ""
+        text += f"; {mean:.2f} x {style.literal(maps[1].name)}" if np.isfinite(mean) else ""
     return text
 
 
