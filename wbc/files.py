@@ -36,6 +36,11 @@ class ArrayFileError(InvalidInputError):
         super().__init__(f"{path}: {what if name is None else f'array {name[:60]!r}: {what}'}")
 
 
+def beside(folder: Path, name: str | Path) -> Path:
+    """Return the path of a file that a file in ``folder`` names; ``~`` is a user's home, if any."""
+    return folder / os.path.expanduser(name)
+
+
 def cache_folder() -> Path | None:
     """Return the cache folder of robots' collision shapes, which need not exist; None if off.
 
@@ -44,7 +49,7 @@ def cache_folder() -> Path | None:
     """
     given = os.environ.get(CACHE_VARIABLE)
     if given is not None:
-        return None if given.strip().lower() in OFF else Path(given).expanduser() / CACHED
+        return None if given.strip().lower() in OFF else beside(Path(), given) / CACHED
     return user_cache_path("wbc", appauthor=False) / CACHED
 
 

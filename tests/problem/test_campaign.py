@@ -1,5 +1,6 @@
 """Campaign files: which runs they are, and every mistake found before the first."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.texts import CHEAP
 from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
 from wbc.problem.campaign import Campaign, load_campaign
+from wbc.problem.retarget import load_retarget
 
 TORQUE = """\
 robot: hoap2_like
@@ -179,6 +181,20 @@ def test_a_pendulum_takes_part_but_has_no_seeds(tmp_path: Path) -> None:
     assert len(campaign.runs) == 1
     with pytest.raises(ProblemFileError, match="nothing is random in lean"):
         load(tmp_path, "problems: [lean.yaml]\nseeds: 2\n")
+
+
+def test_files_are_found_in_the_home_and_pipes_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    os.mkfifo(tmp_path / "hoap2_like")  # reading one that nobody writes to has no end
+    text = "problems: [~/stand.yaml]\nset: {robot: hoap2_like}\n"
+    assert load(tmp_path, text).runs[0].path == tmp_path / "stand.yaml"
+    given = tmp_path / "retarget.yaml"
+    given.write_text("{motion: ~/walk.bvh, robot: hoap2_like}\n")
+    assert load_retarget(given)["motion"] == tmp_path / "walk.bvh"
+    with pytest.raises(ProblemFileError, match="no such file"):
+        load(tmp_path, "problems: [stand.yaml]\nset: {robot: ~nobody_of_this_name/own.urdf}\n")
 
 
 def test_inputs_change_with_the_files_that_problems_name(tmp_path: Path) -> None:

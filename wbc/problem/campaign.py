@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.files import beside
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.overrides import apply_overrides
@@ -122,14 +123,14 @@ def load_campaign(path: str | Path) -> Campaign:
         mistakes.note(("grid", drawn), "is drawn as well, in place of these values; leave one out")
     if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
-    places = [str((path.parent / file).resolve()) for file in spec.problems]
+    places = [str(beside(path.parent, file).resolve()) for file in spec.problems]
     for key, values in ((("problems",), places), *((("grid", k), v) for k, v in spec.grid.items())):
         texts = [json.dumps(value, default=str) for value in values]
         for k, text in enumerate(texts):
             if text in texts[:k]:
                 mistakes.note((*key, k), f"{text} is there twice, which would be the same run")
     mistakes.raise_any()
-    files = {name: path.parent / file for name, file in _names(spec.problems).items()}
+    files = {name: beside(path.parent, file) for name, file in _names(spec.problems).items()}
     sources = {}
     for k, (name, file) in enumerate(files.items()):
         with mistakes.at("problems", k):

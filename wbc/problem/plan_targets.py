@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.constraints import Contact
+from wbc.files import beside
 from wbc.gait.legs import SIDES
 from wbc.problem.kinds.frame import OrientationSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
@@ -182,7 +183,7 @@ def _motion(
         raise Misplaced("a motion is followed in a run without phases")
     if set(held_feet(contacts)) != set(SIDES):
         raise Misplaced("a motion is followed on both feet; give support: double")
-    motion = StandingMotion.read(folder / Path(wanted.motion).expanduser(), start.robot)
+    motion = StandingMotion.read(beside(folder, wanted.motion), start.robot)
     off = np.abs(start.robot.difference(motion.start, start.q))
     if off.max() > SAME_START:
         raise Misplaced(
@@ -219,7 +220,7 @@ def _reference(
                 f"a plan is followed on the same feet in all phases but flights, and phase {name!r}"
                 " has others"
             )
-    plan = read_plan(folder / Path(wanted.plan).expanduser())
+    plan = read_plan(beside(folder, wanted.plan))
     reference = PlanReference(plan, start, feet=feet, begins=wanted.begins, flights=flights)
     _check_ends(spec, "the plan", reference.ends)
     return reference

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc import __version__
+from wbc.files import beside
 from wbc.problem.source import Source
 from wbc.qp.proxqp_workspace import BUILD
 from wbc.run.saving import plain
@@ -61,7 +62,8 @@ def digests_of_files(data: object, folder: Path) -> dict[str, str]:
     if not isinstance(data, str):
         return {}
     try:
-        content = (folder / Path(data).expanduser()).read_bytes()
-    except (OSError, ValueError, RuntimeError):  # a word; "~" without a home
+        path = beside(folder, data)
+        # A device or a pipe, as a word may name, has no end.
+        return {data: hashlib.sha256(path.read_bytes()).hexdigest()} if path.is_file() else {}
+    except (OSError, ValueError):  # not readable; no path
         return {}
-    return {data: hashlib.sha256(content).hexdigest()}

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from wbc.files import beside
 from wbc.problem.mistakes import read_section
 from wbc.problem.section import Name, NonNegative, Positive, Section
 from wbc.problem.yaml_reader import read_source
@@ -70,8 +71,8 @@ def load_retarget(path: str | Path) -> dict[str, Any]:
     found = spec.model_dump(exclude_none=True, exclude={"version"})
     for key in ("motion", "static", "forces"):
         if key in found:
-            found[key] = path.parent / found[key]
-    beside = path.parent / found["robot"]
-    if beside.is_file():
-        found["robot"] = str(beside)
+            found[key] = beside(path.parent, found[key])
+    robot = beside(path.parent, found["robot"])
+    if robot.is_file():
+        found["robot"] = str(robot)
     return found

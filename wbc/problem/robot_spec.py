@@ -10,6 +10,7 @@ from pydantic import Field
 
 from wbc.constraints import Limits
 from wbc.constraints.limits import BRAKING
+from wbc.files import beside
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     Forms,
@@ -117,15 +118,14 @@ class RobotSpec(Section):
         WbcError
             No such robot, or one that cannot be used.
         """
-        path = Path(self.model).expanduser()
         feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
         robot = Robot.load(
-            folder / path if is_file_name(self.model) else self.model,
+            beside(folder, self.model) if is_file_name(self.model) else self.model,
             locked=self.locked,
             feet=None if self.feet is None else feet,
             base=self.base,
-            srdf=None if self.srdf is None else folder / Path(self.srdf).expanduser(),
-            package_dirs=[folder / Path(name).expanduser() for name in self.package_dirs or ()],
+            srdf=None if self.srdf is None else beside(folder, self.srdf),
+            package_dirs=[beside(folder, name) for name in self.package_dirs or ()],
             armature=self.armature,
             damping=self.damping,
             friction=self.friction,
@@ -172,7 +172,7 @@ class StartSpec(Section):
                 raise Misplaced("the robot starts where the motion begins; leave this out", key)
         from wbc.retargeting.standing import StandingMotion  # only now: it loads SciPy
 
-        return StandingMotion.read(folder / Path(self.motion).expanduser(), robot).start
+        return StandingMotion.read(beside(folder, self.motion), robot).start
 
     def check(self, robot: Robot, mistakes: Mistakes) -> None:
         """Note a posture or joints that ``robot`` does not have."""

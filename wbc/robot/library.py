@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, shown, suggest
+from wbc.files import beside
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats.mjcf_compile import is_mujoco
 from wbc.robot.packages import DESCRIPTIONS, MENAGERIE, from_menagerie, from_robot_descriptions
@@ -195,7 +196,7 @@ def find_robot(source: Any) -> RobotSource:
         robot = text.removeprefix(MENAGERIE).partition("/")[0]
         return RobotSource(name=robot, path=from_menagerie(text))
     if isinstance(source, Path) or is_file_name(text):
-        return RobotSource(name=None, path=Path(source).expanduser())
+        return RobotSource(name=None, path=beside(Path(), source))
     known = ROBOTS.get(text)
     if known is None:
         return _from_packages(text)
