@@ -193,6 +193,10 @@ def test_files_are_found_in_the_home_and_pipes_are_not_read(
     given = tmp_path / "retarget.yaml"
     given.write_text("{motion: ~/walk.bvh, robot: hoap2_like}\n")
     assert load_retarget(given)["motion"] == tmp_path / "walk.bvh"
+    given.write_text(f"{{motion: walk.bvh, robot: {'r' * 300}}}\n")  # no name of a file
+    assert load_retarget(given)["robot"] == "r" * 300
+    with pytest.raises(ProblemFileError, match=r"campaign.yaml:1: problems.1"):
+        load(tmp_path, 'problems: [stand.yaml, "\\0"]\n')
     with pytest.raises(ProblemFileError, match="no such file"):
         load(tmp_path, "problems: [stand.yaml]\nset: {robot: ~nobody_of_this_name/own.urdf}\n")
 

@@ -123,19 +123,19 @@ def load_campaign(path: str | Path) -> Campaign:
         mistakes.note(("grid", drawn), "is drawn as well, in place of these values; leave one out")
     if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
-    places = [str(beside(path.parent, file).resolve()) for file in spec.problems]
+    files, sources = {}, {}
+    for name, text in _names(spec.problems).items():
+        with mistakes.at("problems", spec.problems.index(text)):
+            files[name] = beside(path.parent, text)
+            sources[name] = read_source(files[name])
+            load_problem(files[name], spec.set)
+    mistakes.raise_any()
+    places = [str(beside(path.parent, text).resolve()) for text in spec.problems]
     for key, values in ((("problems",), places), *((("grid", k), v) for k, v in spec.grid.items())):
         texts = [json.dumps(value, default=str) for value in values]
         for k, text in enumerate(texts):
             if text in texts[:k]:
                 mistakes.note((*key, k), f"{text} is there twice, which would be the same run")
-    mistakes.raise_any()
-    files = {name: beside(path.parent, file) for name, file in _names(spec.problems).items()}
-    sources = {}
-    for k, (name, file) in enumerate(files.items()):
-        with mistakes.at("problems", k):
-            sources[name] = read_source(file)
-            load_problem(file, spec.set)
     mistakes.raise_any()
     seeds = range(spec.seeds) if isinstance(spec.seeds, int) else spec.seeds or (None,)
     count = len(files) * len(spec.cases or "1") * len(seeds)

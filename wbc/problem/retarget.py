@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +10,7 @@ from pydantic import Field
 
 from wbc.files import beside
 from wbc.problem.mistakes import read_section
-from wbc.problem.section import Name, NonNegative, Positive, Section
+from wbc.problem.section import Name, NonNegative, Number, Positive, Section
 from wbc.problem.yaml_reader import read_source
 
 
@@ -38,7 +39,7 @@ class RetargetSpec(Section):
     """The recording's vertical axis."""
     unit: Literal["cm", "m", "inch", "mm", "cmu"] | Positive | None = None
     """Unit of a BVH file's lengths, or its length [m]."""
-    ground: float | None = None
+    ground: Number | None = None
     """Height of the ground in the recording [m]."""
     rate: Positive | None = None
     """Frames per second [Hz]."""
@@ -73,6 +74,6 @@ def load_retarget(path: str | Path) -> dict[str, Any]:
         if key in found:
             found[key] = beside(path.parent, found[key])
     robot = beside(path.parent, found["robot"])
-    if robot.is_file():
+    if os.path.isfile(robot):  # Path.is_file raises where a name is too long
         found["robot"] = str(robot)
     return found
