@@ -50,8 +50,8 @@ def _kind(task: tasks.Task) -> str:
 
 
 def _task(task: tasks.Task) -> TaskInfo:
-    frame, axis = str(getattr(task, "frame", "")), getattr(task, "axis", None)
-    return TaskInfo(task.name, _kind(task), frame, task.rows, task.units, axis)
+    frame = str(getattr(task, "frame", ""))
+    return TaskInfo(task.name, _kind(task), frame, task.rows, task.units)
 
 
 def _pairs(constraint: object) -> PairsInfo | None:

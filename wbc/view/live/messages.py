@@ -36,7 +36,6 @@ class TaskInfo(NamedTuple):
     frame: str  # the frame it moves, or in whose axes its inertia is
     rows: tuple[str, ...]
     units: tuple[str, ...]  # of the entries of its error
-    axis: Array | None = None  # (3,) of axis, in the frame's axes
 
 
 class PullForce(NamedTuple):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wbc.constraints.friction import FrictionCone
+from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import cone
 from wbc.validate import Array
 from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Context, Layer, wxyz
@@ -43,13 +44,11 @@ class ForcesLayer(Layer):
         for frame, friction in self._friction.items():
             surface = cone(friction.coefficient * height, 0.5 * height)
             vertices = surface.vertices @ FLIP + [0.0, 0.0, 0.5 * height]
-            self._cones[frame] = self.scene.add_mesh_simple(
-                f"{self.path}/cone {frame}",
-                vertices,
-                surface.faces,
-                color=GREY,
+            self._cones[frame] = self.mesh(
+                f"cone {frame}",
+                Triangles(vertices, surface.faces),
+                GREY,
                 opacity=0.18,
-                side="double",
                 cast_shadow=False,
                 receive_shadow=False,
                 visible=False,

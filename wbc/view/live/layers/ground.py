@@ -42,14 +42,7 @@ class GroundLayer(Layer):
         )
         self._axes = rotation_from(np.roll(self._grid.wxyz, -1))
         for number, surface in enumerate(board_surfaces(self.terrain)):
-            self.scene.add_mesh_simple(
-                f"{self.path}/board {number}",
-                surface.vertices,
-                surface.faces,
-                color=palette.rgb(palette.BOARD),
-                flat_shading=True,
-                side="double",
-            )
+            self.mesh(f"board {number}", surface, palette.rgb(palette.BOARD), flat_shading=True)
 
     def show(self, shown: ShownFrame) -> None:
         """Move the grid below the view's target by whole sections, so that its lines seem fixed."""

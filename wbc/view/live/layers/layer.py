@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from viser import SceneApi
 
+from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot import Robot
 from wbc.robot.collision import Capsule, Shape
 from wbc.robot.formats.triangles import Triangles
-from wbc.robot.geometry import rounded_cylinder
+from wbc.robot.geometry import Mesh, rounded_cylinder
 from wbc.rotations import quaternion_from, rotation_from
 from wbc.simulation.terrain import Terrain
 from wbc.validate import Array
@@ -30,6 +31,7 @@ BLUE, VERMILION, PURPLE, GREY = (
 PRINCIPAL = tuple(palette.rgb(one) for one in palette.PRINCIPAL)
 AROUND = 64  # number of points of a circle
 WORLD = "/world"  # the root node of all layers, moved so that the page follows the robot
+THINNEST = 1e-3  # m: a flat ellipsoid is drawn this thick
 PLANE = 2.0  # m: side of the square that is drawn for a half-space
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -81,9 +83,30 @@ class Layer(ABC):
             visible=False,
         )
 
+    def rings(self, name: str, colour: Colour, thickness: float) -> Any:
+        """Return a node of the unit sphere's three principal circles; thickness in pixels."""
+        ring = circle()
+        circles = np.concatenate([closed(np.roll(ring, shift, axis=1)) for shift in range(3)])
+        return self.scene.add_line_segments(
+            f"{self.path}/{name}", circles, colour, thickness=thickness, thickness_units="screen"
+        )
+
+    def mesh(self, name: str, surface: Triangles | Mesh, colour: Colour, **looks: Any) -> Any:
+        """Return a node of a surface that is seen from both sides."""
+        path, vertices, faces = f"{self.path}/{name}", surface.vertices, surface.faces
+        return self.scene.add_mesh_simple(
+            path, vertices, faces, color=colour, side="double", **looks
+        )
+
     @abstractmethod
     def show(self, shown: ShownFrame) -> None:
         """Draw a frame; called only while the layer is visible."""
+
+
+def place_ellipsoid(node: Any, ellipsoid: Ellipsoid, centre: Array) -> None:
+    """Make a unit sphere's node an ellipsoid about a centre (3,)."""
+    a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
+    node.scale, node.position, node.wxyz = (a, b, c), centre, wxyz(ellipsoid.axes)
 
 
 def wxyz(rotation: Array) -> Array:

@@ -40,7 +40,7 @@ class Pair(NamedTuple):
 
     @property
     def colour(self) -> tuple[int, int, int]:
-        """Distance of the pair as text."""
+        """Of the pair: red at its margin, orange near it, green elsewhere."""
         if self.distance < self.margin + TOUCHING:
             return VERMILION
         return ORANGE if self.distance < NEAR * self.margin + TOUCHING else GREEN
@@ -122,17 +122,10 @@ class ObstaclesLayer(Layer):
         self._nodes = {}
         for info in cast.pairs:
             for name, shape in info.obstacles:
+                wall = isinstance(shape, HalfSpace)
+                looks = {"opacity": WALL if wall else THING, "cast_shadow": not wall}
                 surface = surface_of(shape)
-                self._nodes[name] = self.scene.add_mesh_simple(
-                    f"{self.path}/{name}",
-                    surface.vertices,
-                    surface.faces,
-                    color=SKY,
-                    opacity=WALL if isinstance(shape, HalfSpace) else THING,
-                    cast_shadow=not isinstance(shape, HalfSpace),
-                    flat_shading=True,
-                    side="double",
-                )
+                self._nodes[name] = self.mesh(name, surface, SKY, flat_shading=True, **looks)
 
     def show(self, shown: ShownFrame) -> None:
         """Move them to their current poses."""

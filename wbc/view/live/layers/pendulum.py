@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.validate import Array
 from wbc.view.live.layers.layer import (
     BLACK,
     BLUE,
@@ -15,21 +14,12 @@ from wbc.view.live.layers.layer import (
     Context,
     Layer,
     along,
-    circle,
-    closed,
-    wxyz,
+    place_ellipsoid,
 )
 from wbc.view.live.shown_frame import ShownFrame
 
-THINNEST = 1e-3  # m: a flat ellipsoid is drawn this thick
 AHEAD = 0.5  # s: a momentum arrow is as long as the CoM's way in this time
 LEVER = 0.25  # of the robot's size: an angular momentum arrow at 1 rad/s of mean angular velocity
-
-
-def sections() -> Array:
-    """Return segments (k, 2, 3) of the unit sphere's three principal circles."""
-    ring = circle()
-    return np.concatenate([closed(np.roll(ring, shift, axis=1)) for shift in range(3)])
 
 
 class EllipsoidLayer(Layer):
@@ -49,17 +39,12 @@ class EllipsoidLayer(Layer):
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._rings = self.scene.add_line_segments(
-            f"{self.path}/sections", sections(), BLUE, thickness=1.5, thickness_units="screen"
-        )
+        self._rings = self.rings("sections", BLUE, thickness=1.5)
 
     def show(self, shown: ShownFrame) -> None:
         """Set its size and orientation."""
-        ellipsoid = shown.state.ellipsoid
-        a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
         for node in (self._ball, self._rings):
-            node.scale = (a, b, c)
-            node.wxyz, node.position = wxyz(ellipsoid.axes), shown.state.com
+            place_ellipsoid(node, shown.state.ellipsoid, shown.state.com)
 
 
 class MassesLayer(Layer):

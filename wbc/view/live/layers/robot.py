@@ -89,20 +89,11 @@ class RobotLayer(Layer):
         self._nodes = [
             self.scene.add_frame(f"{self.path}/{joint}", show_axes=False) for joint in self._joints
         ]
-        self.links = [
-            (
-                mesh.name,
-                self.scene.add_mesh_simple(
-                    f"{self.path}/{joint}/{number} {mesh.name}",
-                    mesh.vertices,
-                    mesh.faces,
-                    color=tuple(round(255.0 * min(part, PALE)) for part in mesh.colour),
-                    flat_shading=True,
-                    side="double",
-                ),
-            )
-            for number, (joint, mesh) in enumerate(shapes.shapes)
-        ]
+        self.links = []
+        for number, (joint, mesh) in enumerate(shapes.shapes):
+            r, g, b = (round(255.0 * min(part, PALE)) for part in mesh.colour)
+            path = f"{joint}/{number} {mesh.name}"
+            self.links.append((mesh.name, self.mesh(path, mesh, (r, g, b), flat_shading=True)))
 
     def show(self, shown: ShownFrame) -> None:
         """Move the links."""

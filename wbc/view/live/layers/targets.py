@@ -14,8 +14,7 @@ from wbc.errors import WbcError
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental
 from wbc.spatial import COMPONENTS, DIAGONAL, vech, vech_inverse
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREEN, Context, Layer, wxyz
-from wbc.view.live.layers.pendulum import THINNEST, sections
+from wbc.view.live.layers.layer import GREEN, Context, Layer, place_ellipsoid, wxyz
 from wbc.view.live.messages import ControllerInfo, SetTarget, TaskInfo
 from wbc.view.live.shown_frame import ShownFrame
 
@@ -101,11 +100,8 @@ class TargetsLayer(Layer):
         for _, node in (*self._places, *self._shapes):
             node.remove()
         self._places = [(place, self._ghost(place)) for place in places_of(cast)]
-        self._shapes = [
-            (task, self._ellipsoid(task))
-            for task in cast.tasks
-            if task.kind in ("inertia", "principal")
-        ]
+        shaped = [task for task in cast.tasks if task.kind in ("inertia", "principal")]
+        self._shapes = [(task, self.rings(f"ellipsoid {task.name}", GREEN, 2.0)) for task in shaped]
         self._axes = [task for task in cast.tasks if task.kind == "axis"]
 
     def _ghost(self, place: Place) -> Any:
@@ -126,15 +122,6 @@ class TargetsLayer(Layer):
             origin_radius=0.009 * self.size,
         )
 
-    def _ellipsoid(self, task: TaskInfo) -> Any:
-        return self.scene.add_line_segments(
-            f"{self.path}/ellipsoid {task.name}",
-            sections(),
-            GREEN,
-            thickness=2.0,
-            thickness_units="screen",
-        )
-
     def show(self, shown: ShownFrame) -> None:
         """Move the ghosts to the current targets."""
         lines = []
@@ -153,9 +140,7 @@ class TargetsLayer(Layer):
             ellipsoid = wanted_ellipsoid(task, shown)
             node.visible = ellipsoid is not None
             if ellipsoid is not None:
-                a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
-                node.scale, node.position = (a, b, c), shown.snapshot.com
-                node.wxyz = wxyz(ellipsoid.axes)
+                place_ellipsoid(node, ellipsoid, shown.snapshot.com)
         self._show_axes(shown)
 
     def _show_axes(self, shown: ShownFrame) -> None:
