@@ -76,7 +76,7 @@ def standing_problem(
 
 
 def _robot_line(robot: Robot, model: str) -> str:
-    """Return the robot's line, with its armature if one number describes all or most rotors."""
+    """Return the robot's line, with its armature if one number is that of all rotors."""
     rotors = np.unique(robot.armature)
     if len(rotors) > 1:
         return f"{{model: {quoted(model)}}}"

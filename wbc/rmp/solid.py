@@ -243,7 +243,7 @@ def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
 def rotation_vector(quaternion: ca.SX) -> ca.SX:
     """Return the rotation vector (3,) [rad] of a unit quaternion x y z w, by the shorter way.
 
-    The wheel's angle of a solid pendulum, as :class:`~wbc.rmp.balance.law.Bounds` limits it.
+    The wheel's angle of a solid pendulum, as :class:`~wbc.rmp.balance.law.LawBounds` limits it.
     """
     # One orientation, two quaternions: the one with the positive scalar part is the shorter way.
     q = ca.if_else(quaternion[3] < 0.0, -1.0, 1.0) * quaternion

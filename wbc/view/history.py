@@ -21,7 +21,7 @@ from wbc.view.series import Series, error_series, moment_series, rows_of
 
 
 class HistoryLike(Protocol):
-    """The history of a run; optional parts are drawn if present, see :func:`plot_run`."""
+    """The history of a run; optional parts are drawn if present, see :func:`wbc.view.plot_run`."""
 
     @property
     def time(self) -> ArrayLike:

@@ -33,8 +33,8 @@ def robot_figure(
     Parameters
     ----------
     configurations:
-        What to write above each picture, and its configuration q (nq,), or a :class:`Pose`: one
-        that floats, or with obstacles and targets.
+        What to write above each picture, and its configuration q (nq,), or a
+        :class:`~wbc.view.portrait.Pose`: one that floats, or with obstacles and targets.
     title:
         Written above all.
     view:
