@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SHOWN = 6  # joints that are named
 UsageError: Any = typer.BadParameter.__base__  # typer does not show it
 OF_THE_FILE = "values of the file are replaced by --set"
-BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED, TERMINATED = 1, 3, 4, 130, 143
+BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED = 1, 3, 4, 130
 
 
 @contextmanager

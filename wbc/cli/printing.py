@@ -188,8 +188,12 @@ def _qp(result: Result) -> str:
         counts = ", ".join(f"{what} in {n} ticks" for what, n in result.left_out.items())
         without = f"; left out: {counts}" if counts else ""
         return f"every tick solved, KKT residual {result.worst_kkt:.1g} at most{without}"
-    first = result.failures[0]
-    count, ticks = len(result.failures), len(result.history)
+    return failed_ticks(result)
+
+
+def failed_ticks(result: Result) -> str:
+    """Return how many ticks failed, if any did, and what was wrong in the first."""
+    first, count, ticks = result.failures[0], len(result.failures), len(result.history)
     return f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
 
 

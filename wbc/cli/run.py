@@ -159,17 +159,17 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
     from wbc.view.portrait import DEFAULT
     from wbc.view.simulation import simulation_figure
 
-    name = style.literal(name)
     title = f"{name}: {result.status.value.replace('_', ' ')}"
     if isinstance(result, Result):
         title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
+        title = style.literal(title)
         plot_run(result.robot, result.history, path, title=title, view=look or DEFAULT)
     elif isinstance(result, SimulationResult):
-        title = f"{name}: {result.reason}"
+        title = style.literal(f"{name}: {result.reason}")
         figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
         style.save(figure, path)
     else:
-        plot_pendulum(result.history, path, title=title)
+        plot_pendulum(result.history, path, title=style.literal(title))
 
 
 def sim(
@@ -211,8 +211,8 @@ class _RunOptions:
     plot: Path | None
     quiet: bool
     view: bool
-    save_tick: Path | None = None
-    stream: str | None = None
+    save_tick: Path | None
+    stream: str | None
 
     @property
     def name(self) -> str:

@@ -14,6 +14,7 @@ from wbc.cli.console import plain_console
 from wbc.cli.printing import (
     SHOWN,
     facts,
+    failed_ticks,
     head,
     heads,
     print_line,
@@ -75,10 +76,7 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     if result.lost:
         table.add_row("sensors", f"{result.lost} of {ticks} frames lost")
     if result.run.failures:
-        first = result.run.failures[0]
-        count = len(result.run.failures)
-        text = f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
-        table.add_row("QP", Text(text, style="red"))
+        table.add_row("QP", Text(failed_ticks(result.run), style="red"))
     for note in result.notes:
         table.add_row("note", Text(note))
     wall = result.run.tick_times()["wall"]
