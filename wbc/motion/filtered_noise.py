@@ -53,9 +53,8 @@ def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int
         passes, edge = 1, SPLINE_ROWS
     else:
         edge = edge_rows(count, rate, cutoff) + SPLINE_ROWS
-    short = min(
-        count, 3 * passes * edge
-    )  # so long that neither end affects the other or the middle
+    # So long that neither end affects the other or the middle.
+    short = min(count, 3 * passes * edge)
     time = np.arange(short) / rate
     found = np.zeros((short, 3 * passes, 3 * passes))
     for first in range(0, short, COLUMNS_PER_BATCH):

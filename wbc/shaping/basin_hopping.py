@@ -27,10 +27,7 @@ from wbc.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.validate import Array
 
 ELITE = 8  # number of postures from which hops start
-DIFFERENT_SHARE, DIFFERENT_BY = (
-    0.15,
-    0.05,
-)  # part of the joints that differ, and by how much [rad or m]
+DIFFERENT_SHARE, DIFFERENT_BY = 0.15, 0.05  # of the joints, differ by this [rad or m]
 MIXED_SHARE = 0.75  # of the hops from the elite, the part that mixes two
 MOST_RESAMPLED = 0.4  # of the joints, the largest part that is resampled
 WHOLE_EVERY = 4  # hops: how often a whole posture is sampled

@@ -67,9 +67,7 @@ class Starts:
 
     starts: tuple[Start, ...]  # scaled so that the cost is about 1 at a middling sample
     scale: float  # the factor on the cost that does it
-    unclosed: tuple[
-        float, ...
-    ]  # distances of samples that could not be projected onto the contacts
+    unclosed: tuple[float, ...]  # distances of samples not to be projected onto the contacts
     drawn: int  # how many samples were drawn
 
 
@@ -141,10 +139,8 @@ def _chosen(costs: Array, count: int) -> list[int]:
     The cheapest alone would crowd into the widest basin.
     """
     cheapest, drawn = list(np.argsort(costs, kind="stable")), list(range(costs.size))
-    chosen = dict.fromkeys(
-        int(k) for pair in zip(cheapest, drawn, strict=True) for k in pair
-    )  # a dict keeps the order
-    return list(chosen)[:count]
+    turns = (int(k) for pair in zip(cheapest, drawn, strict=True) for k in pair)
+    return list(dict.fromkeys(turns))[:count]  # a dict keeps the order
 
 
 def _sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:

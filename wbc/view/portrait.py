@@ -34,9 +34,7 @@ REACH = 1.5  # sizes of the robot: the arrow of a force as large as its weight
 WALL = 0.5  # half the side of a wall as drawn, in sizes of the robot
 MOST_DISTANCE = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
 TARGET_REACHED = 5e-3  # m: a target no farther than this from its point is not marked
-BELOW_GROUND = (
-    0.02  # m: a robot reaching lower than this below the ground is not meant to stand there
-)
+BELOW_GROUND = 0.02  # m: a robot that reaches lower below the ground does not stand there
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
 LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch

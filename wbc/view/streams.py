@@ -134,7 +134,11 @@ class RerunStream:
                 address = to if "://" in to else f"rerun+http://{short}/proxy"
                 parts = urlsplit(address)
                 self._address = parts.hostname or "", parts.port or RERUN_PORT
-                self._refuse_silence(to)  # Rerun would wait 11 s, and write of it
+                if not self._is_heard():  # Rerun would wait 11 s, and write of it
+                    raise InvalidInputError(
+                        f"stream 'rerun:{to}': nobody listens there; start a viewer first, by the"
+                        " command rerun, or write a file: --stream rerun:run.rrd"
+                    )
                 self._out.connect_grpc(address)
         except (RuntimeError, ValueError) as error:  # of rerun: no such folder, no address
             raise InvalidInputError(
@@ -196,13 +200,6 @@ class RerunStream:
             raise WbcError(f"{self.where}: not all was sent: {error}") from error
         finally:
             self._out.disconnect()
-
-    def _refuse_silence(self, to: str) -> None:
-        if not self._is_heard():
-            raise InvalidInputError(
-                f"stream 'rerun:{to}': nobody listens there; start a viewer first, by the command"
-                " rerun, or write a file: --stream rerun:run.rrd"
-            )
 
     def _is_heard(self) -> bool:
         """Return whether a viewer listens, or a file is written."""

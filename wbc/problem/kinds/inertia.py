@@ -103,8 +103,8 @@ class InertiaSpec(ErrorTaskSpec):
         """Return the task."""
         if self.components == PRINCIPAL:
             return self._principal(name, start)
-        rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
-        rows = rows or tuple(self.components)
+        given = self.components
+        rows = COMPONENTS[given] if isinstance(given, str) else tuple(given)
 
         def current(now: Snapshot) -> Array:
             return vech(now.inertia_in(self.frame, self.about))

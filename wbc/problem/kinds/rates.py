@@ -80,8 +80,8 @@ class MomentumSpec(MotionTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
-        rows = rows or tuple(self.components)
+        given = self.components
+        rows = COMPONENTS[given] if isinstance(given, str) else tuple(given)
         still = np.zeros(len(ROWS))  # until a plan begins
         goal = still if isinstance(self.target, Followed) else entries(self.target, rows, ROWS)
         settings = {**self.settings(rows), "components": rows}

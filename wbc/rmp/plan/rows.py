@@ -180,10 +180,10 @@ class LinearRow:
 
 def matrix_of(rows: Sequence[LinearRow], count: int) -> ca.DM:
     """Return the sparse matrix (rows, count) of linear rows."""
-    entries = [(k, at, a) for k, row in enumerate(rows) for at, a in row.terms.items()]
-    row, column = ([entry[k] for entry in entries] for k in (0, 1))
-    values = ca.DM([a for _, _, a in entries])
-    return ca.DM.triplet([int(k) for k in row], [int(k) for k in column], values, len(rows), count)
+    row = [k for k, one in enumerate(rows) for _ in one.terms]
+    column = [int(at) for one in rows for at in one.terms]
+    values = ca.DM([a for one in rows for a in one.terms.values()])
+    return ca.DM.triplet(row, column, values, len(rows), count)
 
 
 def linear_rows(
