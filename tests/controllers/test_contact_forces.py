@@ -207,6 +207,7 @@ def test_pyramids_are_inside_the_cone_or_around_it(facets: int, inner: bool) -> 
     """Along its edges and along the middles of its faces: one of the two touches the cone."""
     cone = FrictionCone(0.5, facets=facets, inner=inner)
     A = cone.matrix()
+    np.testing.assert_array_equal(FrictionCone(0.5, float(facets), inner).matrix(), A)
     assert A.shape == (facets, 3)
     turn = 2.0 * np.pi * np.arange(facets) / facets
     for offset, touches in ((0.0, not inner), (np.pi / facets, inner)):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.kinds import check_switches
-from wbc.validate import Array, check_fields, finite_number
+from wbc.kinds import check_switches, whole_number
+from wbc.validate import Array, check_fields, set_fields
 
 MOST_FACETS = 64
 
@@ -42,11 +42,8 @@ class FrictionCone:
         check_fields(self, "friction, ", "coefficient", above=0.0)
         check_fields(self, "friction, ", "least", least=0.0)
         check_switches(self, "friction, ", "inner")
-        facets = finite_number("friction, facets", self.facets, least=3)
-        if facets != int(facets) or facets > MOST_FACETS:
-            raise InvalidInputError(
-                f"friction, facets: expected a whole number from 3 to {MOST_FACETS}, got {facets:g}"
-            )
+        facets = whole_number("friction, facets", self.facets, least=3, most=MOST_FACETS)
+        set_fields(self, facets=facets)
         check_fields(self, "friction, ", "most", unlimited=True)
         if self.most < self.least:
             raise InvalidInputError(
