@@ -33,7 +33,7 @@ def test_torques_and_forces_balance_gravity(name: str, robot_named: Load) -> Non
     """Oracle: Pinocchio's generalized gravity; forces inside the exact cones."""
     robot = robot_named(name)
     here = standing(robot)
-    stance = wbc.stance_torques(here, wbc.support(here, "double"))
+    stance = wbc.stance_torques(here, iter(wbc.support(here, "double")))
     assert stance.ok and stance.report() == "can stand"
     model, data = robot.model, robot.model.createData()
     needed = pin.computeGeneralizedGravity(model, data, here.q)

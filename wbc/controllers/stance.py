@@ -136,7 +136,7 @@ def stance_torques(
     factor = finite_number("stance, torque_limits", torque_limits, above=0.0)
     rest = robot.snapshot(snapshot.q, np.zeros(robot.nv))
     weight = robot.weight
-    forces = ContactForces(robot, mechanics_of(robot, tuple(contacts)), weight)
+    forces = ContactForces(robot, mechanics_of(robot, given), weight)
     most = factor * robot.limits.effort
     most[[robot.joint_index(name) - 6 for name in robot.motorless]] = 0.0
     known, by_force = rest.bias / weight, forces.generalized(rest)
@@ -152,7 +152,7 @@ def stance_torques(
         read_only(most),
         Reaction(forces, rest, f),
         read_only(weight * (known[:6] - by_force[:6] @ f)),
-        displaced(snapshot, contacts),
+        displaced(snapshot, given),
     )
 
 
