@@ -90,6 +90,10 @@ def test_it_moves_the_capture_point_to_the_edge() -> None:
         np.testing.assert_allclose(polygon_margin(polygon, point), 0.0, atol=1e-12)
     with pytest.raises(InvalidInputError, match="outside the soles"):
         capture_impulse(here, ("left",), (1.0, 0.0))  # between the feet
+    over = here.q.copy()
+    over[3:7] = 1.0, 0.0, 0.0, 0.0
+    with pytest.raises(InvalidInputError, match="below the soles"):
+        capture_impulse(robot.snapshot(over), FEET, (1.0, 0.0))
 
 
 def test_the_robot_s_own_gravity_counts() -> None:

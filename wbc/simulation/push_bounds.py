@@ -162,6 +162,9 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
 
 
 def com_height(snapshot: Snapshot, feet: Iterable[str]) -> float:
-    """Return the CoM's height over the mean height of the soles [m]."""
+    """Return the CoM's height over the mean height of the soles [m]; InvalidInputError below."""
     soles = [snapshot.position(snapshot.robot.foot(foot).frame)[2] for foot in feet]
-    return float(snapshot.com[2]) - float(np.mean(soles))
+    height = float(snapshot.com[2]) - float(np.mean(soles))
+    if height <= 0.0:
+        raise InvalidInputError(f"push: the CoM is {-1e3 * height:.3g} mm below the soles")
+    return height
