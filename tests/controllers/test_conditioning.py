@@ -5,11 +5,11 @@ import pytest
 from scipy.linalg import null_space
 
 from wbc.constraints import PositionBox, support
-from wbc.controllers import KinematicController
+from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.conditioning import conditioning
 from wbc.qp import QP
 from wbc.robot import Robot
-from wbc.tasks import ComTask, PositionTask
+from wbc.tasks import ComTask, PositionTask, PostureTask
 
 
 def test_rank_and_condition_are_those_of_the_rows(hoap2: Robot) -> None:
@@ -59,6 +59,20 @@ def test_slacks_are_no_motions(hoap2: Robot) -> None:
         found.append(controller.conditioning(tick))
     np.testing.assert_array_equal(tick._evidence.slack_weights, [10.0])
     assert found[1] == found[0]
+
+
+def test_forces_leave_the_motions_that_contacts_leave(hoap2: Robot) -> None:
+    """Feet bear any motion that they allow; in the air the momentum is given."""
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    task, posture = ComTask(hoap2, here.com, weight=3.0), PostureTask(hoap2, here.q)
+    standing = TorqueController(hoap2, [task], contacts=support(here, "double"), damping=1e-9)
+    falling = TorqueController(hoap2, [task, posture], contacts=())
+    borne, thrown = (one.conditioning(one.step(here)) for one in (standing, falling))
+    held = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
+    values = np.linalg.svd(here.com_jacobian @ null_space(held), compute_uv=False)
+    assert borne.free == hoap2.nv - 12 and borne.rank == 3
+    assert borne.condition == pytest.approx((values[0] / values[-1]) ** 2, rel=1e-5)
+    assert thrown.free == thrown.rank == hoap2.nv - 6
 
 
 def test_where_only_the_damping_decides_the_condition_is_one() -> None:

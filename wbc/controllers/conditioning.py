@@ -22,8 +22,9 @@ class Conditioning(NamedTuple):
     Attributes
     ----------
     free:
-        Dimension of the contacts' null space; with several priorities the tick has the QP of the
-        last level, and it is the null space of contacts and the levels above.
+        Dimension of the contacts' null space (at the torque level without what no contact forces
+        can bring about); with several priorities the tick has the QP of the last level, and it is
+        the null space of contacts and the levels above.
     rank:
         Number of these directions that the tasks determine; the damping decides the others. If it
         is less than the tasks' rows, tasks are singular or linearly dependent. Directions that
@@ -47,8 +48,10 @@ def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
     damping, weights:
         The controller's damping and joint weights (nv,), which are part of the cost.
     """
-    nv = weights.size  # slacks may follow v
-    free = null_space(qp.A[:, :nv]) if qp.b.size else np.eye(nv)
+    nv, A = weights.size, qp.A
+    if A[:, nv:].any():  # of rows that forces meet at any motion none remain
+        A = null_space(A[:, nv:].T).T @ A
+    free = null_space(A[:, :nv]) if len(A) else np.eye(nv)
     size = (free.T * weights) @ free
     curvatures = eigh(free.T @ qp.P[:nv, :nv] @ free, size, eigvals_only=True) - damping
     determined = curvatures[curvatures > DETERMINED * damping]
