@@ -126,7 +126,7 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
         (limits, ("lower", "upper", "base_twist"), "make other Limits"),
         (bodies, ("margin", "margins", "model"), "make another SelfCollision"),
         (Obstacles(ROBOT, [BALL]), ("obstacles", "model"), "make other Obstacles"),
-        (box, ("lower", "upper"), "make another PositionBox"),
+        (box, ("frame", "lower", "upper"), "make another PositionBox"),
         (over, ("margin",), "make another ComSupport"),
         (over, ("corners",), r"call set_polygon\(\)"),
         (CALM, ("robot", "rows"), "make another task"),

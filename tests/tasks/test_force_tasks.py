@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from tests.standing import stack, standing
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import Affine, Dynamics, ForceTask, Task
 
@@ -231,4 +231,17 @@ def test_which_points_a_cop_may_be_given_depends_on_its_frame(g1) -> None:
         wbc.CopTask(g1, [0.0, 0.0, 0.0], frame="left_sole")
     with pytest.raises(InvalidInputError, match=r"a point \(2,\) or \(3,\), got"):
         wbc.CopTask(g1, [0.0])
-    assert wbc.CopTask(g1, [0.0, 0.0, 0.1]).target.tolist() == [0.0, 0.0, 0.1]
+    everywhere = wbc.CopTask(g1, [0.0, 0.0, 0.1])
+    assert everywhere.target.tolist() == [0.0, 0.0, 0.1]
+    with pytest.raises(InvalidInputError, match="frame cannot be assigned; make another task"):
+        everywhere.frame = "left_sole"
+
+
+def test_a_frame_that_is_assigned_is_one_of_the_robot(g1: Robot, here: Snapshot) -> None:
+    press = wbc.ContactForceTask(g1, "left_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
+    for wrong in ("left_soul", None):
+        with pytest.raises(WbcError, match="unknown frame"):
+            press.frame = wrong
+    press.frame = "right_sole"
+    tick = controlled(here, press, contacts=wbc.support(here, "left")).step(here)
+    assert tick.errors[press.name] == pytest.approx([-50.0])

@@ -41,7 +41,7 @@ class PositionBox(Margin):
     lower: Array
     upper: Array
 
-    _fixed = dict.fromkeys(("lower", "upper"), "make another PositionBox")
+    _fixed = dict.fromkeys(("frame", "lower", "upper"), "make another PositionBox")
 
     def __init__(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,9 +51,14 @@ class ContactForceTask(ForceTask):
             one_of("wrench component", component, WRENCH)
         name = f"{frame} force" if name is None else name
         super().__init__(robot, name, components, weight=weight, priority=priority)
-        self.frame = self._contact_frame(frame)
+        self.frame = frame
         self._selected = [WRENCH.index(component) for component in components]
         self.set_target(target)
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "frame":
+            value = self._contact_frame(value)
+        super()._set_attribute(name, value)
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted wrench (6,) [N, N m]."""

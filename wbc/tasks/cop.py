@@ -29,6 +29,7 @@ class CopTask(ForceTask):
 
     frame: str | None
     _about: Array
+    _fixed = ForceTask._fixed | {"frame": "make another task"}  # what its target is in
 
     def __init__(
         self,
