@@ -8,7 +8,7 @@ import pytest
 
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.laws import AccelerationLaw
+from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot
 from wbc.tasks import (
     AxisTask,
@@ -126,6 +126,8 @@ def test_assigning_is_setting_with_its_checks(hoap2: Robot) -> None:
     assert np.abs(shape.residual(here).error).max() > 0.01
     with pytest.raises(InvalidInputError, match="gain: 5 is above 1"):
         shape.gain = 5.0
+    with pytest.raises(InvalidInputError, match="gain: must be greater than 0, got 0"):
+        shape.law = VelocityLaw(gain=0.0)
     with pytest.raises(InvalidInputError, match="NaN"):
         shape.target = np.full((3, 3), NAN)
     shape.weight = 2.0

@@ -178,6 +178,8 @@ class Task(DeclaredAttributes, ABC):
         elif name in _LAWS and not isinstance(value, _LAWS[name]):
             wanted = _LAWS[name].__name__
             raise InvalidInputError(f"{self}, {name}: expected {wanted}, got {shown(value)}")
+        elif name == "law" and not (value.fraction(1.0) or self._may_rest):
+            raise InvalidInputError(f"{self}, gain: must be greater than 0, got 0")
         elif name in _MOTION:
             raise InvalidInputError(
                 f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
@@ -322,8 +324,6 @@ class Task(DeclaredAttributes, ABC):
             acceleration_law = replace(self.acceleration_law, **second)
         except WbcError as error:
             raise InvalidInputError(f"{self}, {error}") from error
-        if law.gain == 0.0 and not self._may_rest:
-            raise InvalidInputError(f"{self}, gain: must be greater than 0, got 0")
         self.law, self.acceleration_law = law, acceleration_law
 
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
