@@ -65,6 +65,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: made().step(Robot.load("hoap2_like").snapshot(START.q)),
         "made by the robot object that the controller was made with",
     ),
+    "nothing": (lambda: made().step(None), r"expected a snapshot.*; got None$"),
     "a configuration": (lambda: made().step(START.q), r"expected a snapshot.* got array.{,60}$"),
     "a configuration and a velocity": (
         lambda: made().step(START.q, START.v),  # type: ignore[arg-type]

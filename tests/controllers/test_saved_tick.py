@@ -150,6 +150,15 @@ def test_a_copied_controller_gives_the_same_bits_where_the_core_solves(g1, rng) 
         q = g1.integrate(q, v, controller.dt)
 
 
+def test_what_answered_differently_is_said_by_its_version(hoap2, rng, tmp_path: Path) -> None:
+    wild(hoap2, "velocity", rng).step(hoap2.snapshot(hoap2.posture("standing"))).save(
+        tmp_path / "t"
+    )
+    saved = SavedTick.load(tmp_path / "t")
+    other = saved._replace(answer={**saved.answer, "policy": "stop"}, versions={"scipy": "1"})
+    assert other.replay().differences[-1] == "it was answered by scipy 1, here None"
+
+
 def test_what_would_be_another_tick_is_not_saved(hoap2, rng, tmp_path: Path) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
     controller, path = wild(hoap2, "velocity", rng), tmp_path / "t"

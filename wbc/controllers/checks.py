@@ -303,10 +303,10 @@ def check_snapshot(robot: Robot, snapshot: object, more: object = None) -> None:
         The message says what was given.
     """
     if more is not None or not isinstance(snapshot, Snapshot):
-        given = [shown(one) for one in (snapshot, more) if one is not None or one is snapshot]
+        given = [snapshot] if more is None else [snapshot, more]
         raise InvalidInputError(
             f"controller: expected a snapshot of {robot.name}, which has q and v: write"
-            f" robot.snapshot(q, v); got {', '.join(given)}"
+            f" robot.snapshot(q, v); got {', '.join(map(shown, given))}"
         )
     if snapshot.robot is not robot:
         raise InvalidInputError(

@@ -117,5 +117,7 @@ class SavedTick(NamedTuple):
         if found and solver == "proxqp":
             found.append("ProxQP began from a warm start, which is not in the file")
         here = made_with()
-        others = [f"{k} {v}, here {here.get(k)}" for k, v in self.versions.items() if v != here[k]]
+        others = [
+            f"{k} {v}, here {here.get(k)}" for k, v in self.versions.items() if v != here.get(k)
+        ]
         return [*found, *(f"it was answered by {one}" for one in others)] if found else []
