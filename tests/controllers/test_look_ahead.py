@@ -184,7 +184,7 @@ def test_margins_are_relaxed_only_where_they_take_part(
     """
     asked: list[Bounds] = []
     margins = MarginRows.at(here, [Slow(hoap2, 0.5, useful=True)], Slacks({}, [], []), DT)
-    held = [Rows(np.eye(1, hoap2.nv), np.zeros(1), np.ones(1))]
+    held = Rows(np.eye(1, hoap2.nv), np.zeros(1), np.ones(1))
     found = solve_with_look_ahead(
         lambda bounds, box: asked.append(bounds) or outcome(side),
         margins,

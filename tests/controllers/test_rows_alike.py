@@ -118,12 +118,11 @@ def test_margins_give_way_to_contacts_and_never_ask_for_more(rng) -> None:
     A, b = rng.normal(size=(4, N)), 1e-3 * rng.normal(size=4)
     C = rng.normal(size=(6, N))
     bounds = Bounds(tuple("abcdef"), C, np.array([-5.0, -1e-5, 0, 0, 1e-6, -2e-4]), np.full(6, 7.0))
-    found = relax_for_contacts(bounds, [exact(A[:1], b[:1]), exact(A[1:], b[1:])])
+    found = relax_for_contacts(bounds, exact(A, b))
     needed = C @ np.linalg.pinv(A) @ b - 0.1 * np.abs(b).max() - 1e-4
     expected = np.where(bounds.lower > 0.0, bounds.lower, np.minimum(bounds.lower, needed))
     np.testing.assert_allclose(found.lower, expected, atol=1e-9)
     np.testing.assert_array_equal(found.upper, bounds.upper)
-    assert relax_for_contacts(bounds, []) is bounds
-    at_rest = relax_for_contacts(bounds, [exact(A, 0.0 * b)])
+    at_rest = relax_for_contacts(bounds, exact(A, 0.0 * b))
     expected = np.where(bounds.lower > 0.0, bounds.lower, np.minimum(bounds.lower, -1e-4))
     np.testing.assert_allclose(at_rest.lower, expected, atol=1e-12)

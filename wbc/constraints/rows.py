@@ -134,17 +134,16 @@ class Constraint(ABC):
         return None
 
 
-def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
+def relax_for_contacts(bounds: Bounds, held: Rows) -> Bounds:
     """Return the rows, relaxed where they would forbid that contacts correct their drift.
 
     The least velocity that meets the contacts, ``v = A' (A A')^-1 b``, is then feasible, with a
     small interior, as v = 0 is. This amounts to micrometres in a tick. Rows that forbid v = 0,
     which are users' own, stay: giving them way would be to leave them out.
     """
-    if not held or not bounds.lower.size:
+    if not bounds.lower.size:
         return bounds
-    A = np.concatenate([rows.matrix for rows in held])
-    b = np.concatenate([rows.target for rows in held])
+    A, b = held.matrix, held.target
     demanded = float(np.abs(b).max(initial=0.0))
     square = A @ A.T
     square.flat[:: len(b) + 1] += 1e-12 * square.trace()  # contacts may repeat each other

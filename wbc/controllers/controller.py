@@ -505,14 +505,13 @@ class Controller(DeclaredAttributes, ABC):
     ) -> tuple[Outcome, list[Bounds]]:
         """Return the outcome with margins kept at its end, and the rows of margins in its QP."""
 
-        def held() -> list[Rows]:
+        def held() -> Rows:
             qp = self._assemble(snapshot, start_time).views
-            return [Rows(qp.A, qp.b, np.ones(qp.b.size))]
+            return Rows(qp.A, qp.b, np.ones(qp.b.size))
 
+        solve = self._solve_function(snapshot, start_time)
         over = partial(self._deadline_over, start_time)
-        return solve_with_look_ahead(
-            self._solve_function(snapshot, start_time), margins, held, over
-        ), []
+        return solve_with_look_ahead(solve, margins, held, over), []
 
     def _solve_function(self, snapshot: Snapshot, start_time: float) -> Solve:
         """Return a function that solves all levels with given rows of margins."""

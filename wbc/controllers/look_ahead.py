@@ -77,7 +77,7 @@ class MarginRows(NamedTuple):
 
 
 def solve_with_look_ahead(
-    solve: Solve, margins: MarginRows, held: Callable[[], Sequence[Rows]], over: Callable[[], bool]
+    solve: Solve, margins: MarginRows, held: Callable[[], Rows], over: Callable[[], bool]
 ) -> Outcome:
     """Return the outcome with margins kept at its end, and its scale to command.
 
