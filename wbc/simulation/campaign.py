@@ -8,7 +8,7 @@ appended to a file as it comes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -210,13 +210,13 @@ def run_campaign(
 
 
 def _next_push(
-    grid: PushGrid, found: Mapping[tuple[float, float], PushOutcome], busy: Iterable[float]
+    grid: PushGrid, found: Mapping[tuple[float, float], PushOutcome], busy: Collection[float]
 ) -> tuple[float, float] | None:
     """Return the smallest push to try, of a direction that is not busy."""
     candidates = [
         (grid.next_ratio(angle, found), angle)
         for angle in grid.angles.tolist()
-        if angle not in set(busy)
+        if angle not in busy
     ]
     ratio, angle = min(candidates, default=(math.inf, 0.0))
     return (angle, ratio) if math.isfinite(ratio) else None

@@ -145,11 +145,9 @@ class Plant:
         self.data = self._mujoco.MjData(self.model)
         self._drift = ContactDrift(self.model) if terrain.drift else None
         self.states = StateMap(robot, self.model)
-        self._max_torque = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
-        if robot.unactuated:
-            self._max_torque = self._max_torque.copy()
-            passive = [robot.joint_index(name) - BASE_NV for name in robot.unactuated]
-            self._max_torque[passive] = 0.0
+        most = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
+        self._max_torque = most.copy()
+        self._max_torque[[robot.joint_index(name) - BASE_NV for name in robot.unactuated]] = 0.0
         self.reset(robot.postures[STANDING])
 
     def __repr__(self) -> str:
