@@ -67,11 +67,11 @@ class Limits(DeclaredAttributes):
     braking:
         ``"free"``: a joint may stop in one tick if tasks ask for it, and speed up the other way in
         the same; ``tick.braked`` names those that change their velocity by more than the
-        acceleration allows. ``"bounded"``: it slows down
-        by no more than the acceleration, except where limits, contacts or margins leave nothing
-        else. Far from their targets the tasks of a level then pull with lower gains, all by the
-        same factor, so that no joint comes to its end faster than it can brake. A target that moves
-        without telling its rate is followed at a distance from which joints could stop.
+        acceleration allows. ``"bounded"``: it slows down by no more than the acceleration, except
+        where limits, contacts or margins leave nothing else. Far from their targets the tasks of a
+        level then pull with lower gains, all by the same factor, so that no joint comes to its end
+        faster than it can brake. A target that moves without telling its rate is followed at a
+        distance from which joints could stop.
     base_twist:
         (6,) largest base velocity in base axes, linear [m/s] then angular [rad/s]; None: no limit.
     recovery:
@@ -147,9 +147,7 @@ class Limits(DeclaredAttributes):
         by_speed = self.speed / DEFAULT_RISE_TIME
         self.acceleration = by_speed if acceleration is None else acceleration
         self.by_default = acceleration is None
-        self.speed_up = None
-        if speed_up is not None:
-            self.speed_up = _by_joint("limits, speed_up", speed_up, robot.nv - 6)
+        self.speed_up = speed_up  # type: ignore[assignment]  # an array from here on
         self.braking = braking
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
