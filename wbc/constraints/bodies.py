@@ -93,11 +93,7 @@ class BodyMargin(Margin):
             Of these.
         """
         self.place()
-        min_distances, model, parts = (
-            self.min_distances(),
-            self.model,
-            list[tuple[Index, Index, Array, Array]](),
-        )
+        min_distances, model = self.min_distances(), self.model
         if not len(model.pairs):
             none = np.zeros(0, dtype=np.int64)
             return none, none, np.zeros(0), np.zeros((0, self.robot.nv))
@@ -105,8 +101,8 @@ class BodyMargin(Margin):
         unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
         known = ~np.isin(pairs[:, 0], unknown)
         pairs, found = pairs[known], found[known]
-        J = model.rows_of(states, pairs, found)
-        parts.append((*pairs.T, found[:, 0] - min_distances.take(pairs[:, 1]), J))
+        clearance = found[:, 0] - min_distances.take(pairs[:, 1])
+        parts = [(*pairs.T, clearance, model.rows_of(states, pairs, found))]
         every = np.arange(len(model.pairs))
         for k in unknown.tolist():
             one = self.distances(self.robot.snapshot(q[k]), every)

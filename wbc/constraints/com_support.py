@@ -57,12 +57,8 @@ class ComSupport(Margin):
         braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(
-            robot,
-            "com support",
-            BrakingParameters(COM_BRAKING) if braking is None else braking,
-            limits,
-        )
+        braking = BrakingParameters(COM_BRAKING) if braking is None else braking
+        super().__init__(robot, "com support", braking, limits)
         self.margin = clearance("com support", margin)
         self.set_polygon(polygon)
 

@@ -271,9 +271,8 @@ def _split_bounds_and_push(distances: Distances, least: Array) -> tuple[Array, R
     if not wanted.any():
         return least, None
     push = Rows(distances.jacobian[wanted], least[wanted], np.ones(int(np.count_nonzero(wanted))))
-    return np.where(
-        wanted, -np.minimum(lib.wbc_interior_speed, lib.wbc_interior_share * least), least
-    ), push
+    interior = np.minimum(lib.wbc_interior_speed, lib.wbc_interior_share * least)
+    return np.where(wanted, -interior, least), push
 
 
 @cache

@@ -74,8 +74,7 @@ class PositionBox(Margin):
         cls, robot: Robot, lower: float, upper: float = np.inf, *, frame: str = "base"
     ) -> PositionBox:
         """Return the constraint that keeps a frame between two heights [m]."""
-        free = (np.inf, np.inf)
-        return cls(robot, frame, (-np.inf, -np.inf, lower), (*free, upper))
+        return cls(robot, frame, (-np.inf, -np.inf, lower), (np.inf, np.inf, upper))
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the distances of the frame's origin from the faces."""

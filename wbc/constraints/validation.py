@@ -28,10 +28,8 @@ def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: boo
         robot's nv; the message names constraint and field.
     """
     method = "braked_rows" if braked else "rows"
-    found = answer_of(constraint, method, getattr(constraint, method), snapshot, dt)
-    if constraint._tested:
-        return cast(Bounds, found)
-    return _checked(constraint, method, found)
+    found: Bounds = answer_of(constraint, method, getattr(constraint, method), snapshot, dt)
+    return found if constraint._tested else _checked(constraint, method, found)
 
 
 def cutting_planes_of(
@@ -39,9 +37,9 @@ def cutting_planes_of(
 ) -> Bounds | None:
     """Return the cutting planes at the end of a step by ``v``, or None; see :class:`Constraint`."""
     planes = constraint.cutting_planes
-    found = answer_of(constraint, "cutting_planes", planes, there, v, dt, rows)
+    found: Bounds | None = answer_of(constraint, "cutting_planes", planes, there, v, dt, rows)
     if constraint._tested or found is None:
-        return cast(Bounds | None, found)
+        return found
     return _checked(constraint, "cutting_planes", found)
 
 

@@ -78,9 +78,8 @@ class ContactPart(NamedTuple):
         contact = self.surface
         if contact is None or contact.corners is None:
             return np.zeros((0, 3))
-        return (
-            snapshot.position(contact.frame) + contact.corners @ snapshot.rotation(contact.frame).T
-        )
+        R, p = snapshot.rotation(contact.frame), snapshot.position(contact.frame)
+        return p + contact.corners @ R.T
 
 
 class ContactForces:

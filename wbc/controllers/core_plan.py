@@ -258,10 +258,7 @@ class CorePlan:
         memory, nv = self.memory, self.memory.tree.nv
         n, costs, stored = memory.n, memory.costs, memory.arrays["rows"]
         matrix = stored[: costs * n].reshape(costs, n)[:, :nv]
-        target, bias = (
-            stored[costs * n : costs * (n + 1)],
-            stored[costs * (n + 1) : costs * (n + 2)],
-        )
+        target, bias = stored[costs * n : costs * (n + 2)].reshape(2, costs)
         rows = []
         for k in self.plan.levels[level]:
             task, where = self._costs[k], slice(self._ends[k], self._ends[k + 1])

@@ -1,8 +1,8 @@
 """Closing loops and gears at the velocity level, where the core alone does not.
 
 Their rows are linearised, so the core integrates each command and takes Newton steps until the
-loops are closed there (``native/source/closing.c``). If QPs are modified in Python, the remaining
-gap is added to the errors here and the tick is repeated.
+loops are closed there (``native/source/loop_closure.c``). If QPs are modified in Python, the
+remaining gap is added to the errors here and the tick is repeated.
 
 A robot may also start with an open gear or loop, as measured after power-up. Closing it in one tick
 may be faster than the limits allow; then the largest feasible share of the error is corrected.

@@ -409,10 +409,8 @@ class TorqueController(Controller):
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
         margins = margins._replace(parts=within_reach)
         # Scaling a step down does not make it safer at this level.
-        solve, over = (
-            self._solve_function(snapshot, start_time),
-            partial(self._deadline_over, start_time),
-        )
+        solve = self._solve_function(snapshot, start_time)
+        over = partial(self._deadline_over, start_time)
         outcome, rows, _ = solve_with_cuts(solve, margins, over)
         return outcome, rows
 

@@ -29,9 +29,8 @@ _RECHECK_SHARE = 0.5
 _ZERO = 1e-9
 # Weights below this share of the largest count as 0.
 _ROUNDING = 1e-3 * _ZERO
-_NEGLIGIBLE_CLOSING = (
-    0.1  # share of the gap that unknowns within REACH may close if a row is dropped
-)
+# Share of the gap that unknowns within REACH may close if a row is dropped.
+_NEGLIGIBLE_CLOSING = 0.1
 # Unknowns are assumed to stay within this, which multiplies the rounding of y'A + z'C + z_box'.
 REACH = 1e6
 # Rows scaled to unit length count as met within this times (1 + their ends).

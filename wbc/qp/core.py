@@ -49,10 +49,8 @@ class FlatForm:
     ) -> tuple[list[float], list[float], list[float]] | None:
         """Return x, z and z_box; None if the core does not solve it."""
         (n, k, m), end = self._sizes, self._end
-        out, order = (
-            new("double[]", end + 4 + self._scratch_size),
-            new("int64_t[]", self._order_size),
-        )
+        out = new("double[]", end + 4 + self._scratch_size)
+        order = new("int64_t[]", self._order_size)
         if lib.wbc_solve_flat(n, k, m, numbers, eps, most, out, order) != DONE:
             return None
         answer = ffi.unpack(out, end)

@@ -168,11 +168,8 @@ class ProxQP:
         """
         warm, cold, active_set_cap = WARM_ITERATIONS, self.max_iterations, ACTIVE_SET_CAP
         if bounded:
-            warm, cold, active_set_cap = (
-                BOUNDED_WARM_ITERATIONS,
-                COLD_ITERATIONS,
-                BOUNDED_ACTIVE_SET_CAP,
-            )
+            warm, cold = BOUNDED_WARM_ITERATIONS, COLD_ITERATIONS
+            active_set_cap = BOUNDED_ACTIVE_SET_CAP
         qp = reduced.qp
         key = workspace, qp.g.size, qp.b.size, qp.u.size
         cooling = self._in_cooldown(workspace)

@@ -207,9 +207,7 @@ class InertiaTask(Task):
         gradient = self._cost_gradient(error)
         bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, gradient)), axis=0)
         fixed = self.about == WORLD or not isinstance(self.about, str)
-        if self.frame != WORLD and (
-            self.frame != BASE or fixed
-        ):  # how the frame turns is not in it
+        if self.frame != WORLD and (self.frame != BASE or fixed):  # its turning is not in it
             bound += curvature_bound(gradient, snapshot.inertia_in(WORLD, self.about))
         return bound
 

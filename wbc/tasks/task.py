@@ -115,9 +115,7 @@ class Task(DeclaredAttributes, ABC):
     _fixed = dict.fromkeys(("robot", "rows"), "make another task")
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
-    _units: ClassVar[str | Mapping[str, str]] = (
-        ""  # of all reported entries, or of each by its name
-    )
+    _units: ClassVar[str | Mapping[str, str]] = ""  # of all reported entries, or each by its name
     _tested = True  # whether what it returns needs no look: set below for what is derived
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
 
