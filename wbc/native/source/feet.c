@@ -46,19 +46,15 @@ static int correct(const wbc_estimator *e, const wbc_memory *m, int64_t k, const
         *squared += innovation[0], m->counts[NIS_ROWS] += rows;
     }
     if (status != OUTLIER) return status;
-    if (rows == 6) { /* a foot that rolls over an edge may stand on that edge, once */
+    if (rows == 6) /* a foot that rolls over an edge may stand on that edge, once */
         status = wbc_filter_correct(e->filter, k, seen->place, seen->noise, 3, GATE_3, innovation);
-        if (status == NOT_FINITE) return status;
-        if (status == DONE) {
-            const double by = 1e3 * sqrt(dot3(turn, turn));
-            *squared += innovation[0], m->counts[NIS_ROWS] += 3;
-            wbc_report(e, m->strikes[k] + 1 < STRIKES ? ROLLS : ROLLS_OVER, k, by);
-            if (++m->strikes[k] >= STRIKES) mark_slipped(e, m, k);
-            return DONE;
-        }
-    }
-    wbc_report(e, m->strikes[k] + 1 < STRIKES ? OUTSIDE : SLIPPED_OFF, k, 1e3 * sqrt(dot3(off, off)));
-    if (++m->strikes[k] >= STRIKES) mark_slipped(e, m, k);
+    if (status == NOT_FINITE) return status;
+    const int slipped = ++m->strikes[k] >= STRIKES;
+    if (status == DONE) {
+        *squared += innovation[0], m->counts[NIS_ROWS] += 3;
+        wbc_report(e, slipped ? ROLLS_OVER : ROLLS, k, 1e3 * sqrt(dot3(turn, turn)));
+    } else wbc_report(e, slipped ? SLIPPED_OFF : OUTSIDE, k, 1e3 * sqrt(dot3(off, off)));
+    if (slipped) mark_slipped(e, m, k);
     return DONE;
 }
 
