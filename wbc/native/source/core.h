@@ -311,9 +311,8 @@ int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box)
 /* Gaps of loops and gears that count as open, and that steps close; source/loop_closure.c. */
 extern const double wbc_closed, wbc_far_open;
 enum { CLOSING_ROUNDS = 5 }; /* each reduces a gap by a factor of the joints' motion in a tick [rad] */
-/* Write the gaps of loops and gears (held) where v leads in dt from a state at q, 0 for linear rows. Returns the
- * number of others. */
-int64_t wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps);
+/* Write the gaps of loops and gears (held) where v leads in dt from a state at q, 0 for linear rows. Returns 0. */
+int wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps);
 /* Write where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of x and
  * then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);

@@ -196,14 +196,13 @@ static int is_nonlinear(const double *gear) {
     return gear[POWERS + 2] != 0.0 || gear[POWERS + 3] != 0.0 || gear[POWERS + 4] != 0.0;
 }
 
-int64_t wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps) {
-    int64_t bent = 0;
+int wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps) {
     memset(gaps, 0, plan->held * sizeof *gaps);
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
         double *to = gaps + block->first;
-        if (block->held && block->kind == LOOP) loop_gaps(plan, block, state, v, to), bent += block->rows;
-        else if (block->held && block->kind == GEAR && is_nonlinear(own)) *to = gear_gap(plan, own, q, v), bent++;
+        if (block->held && block->kind == LOOP) loop_gaps(plan, block, state, v, to);
+        else if (block->held && block->kind == GEAR && is_nonlinear(own)) *to = gear_gap(plan, own, q, v);
     }
-    return bent;
+    return DONE;
 }
