@@ -6,7 +6,6 @@
 #include <string.h>
 
 enum { ENDS = 6, CORNERS = ENDS + 1 }; /* unknowns, corners of a simplex */
-static const double PI = 3.14159265358979323846;
 
 /* The square of the farthest point's distance from a segment. */
 static double farthest(int64_t count, const double *points, const double *begin, const double *along,

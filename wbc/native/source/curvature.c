@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "rows.h"
+#include "tree.h"
 
 /* Four columns of v side by side: gradient by angular and linear motion, velocity at the CoM, and velocity of the
  * CoM. Columns beyond the last are 0. */
@@ -126,7 +127,7 @@ static int64_t first_column(const wbc_block *block) { return block->frame < 0 ? 
 INLINE void joint_columns(const wbc_tree *tree, int64_t j, int64_t *begin, int64_t *behind, int64_t *end) {
     const int64_t last = subtree_end(tree, j) - 1;
     *end = last < 2 ? 6 : tree->iv[last] + 1;
-    *begin = j == 1 ? 0 : tree->iv[j], *behind = j == 1 ? 6 : *begin + 1;
+    *behind = columns_of(tree, j, begin);
 }
 
 WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,

@@ -4,7 +4,6 @@
 
 static const double TILT = 0.05; /* rad: standard deviation of that tilt */
 static const double STEEP = 0.8; /* vertical part of an axis that has no heading */
-static const double PI = 3.14159265358979323846;
 
 static void rotation_of(const double *r, double *R) {
     double c[4];

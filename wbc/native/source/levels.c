@@ -175,9 +175,8 @@ int solve_below(const wbc_plan *plan, const double *q, const double *v) {
     first.found[4] = 1.0;
     for (int64_t level = 1; level < plan->levels; level++) {
         if (wbc_pose(plan, q, v, level) == DONE && wbc_solve(plan, level) == DONE) continue;
-        const int64_t solved = level; /* its QP was overwritten: solve it again */
-        first.found[4] = 1.0;
-        for (int64_t l = 1; l < solved; l++)
+        first.found[4] = 1.0; /* the QP of the last level solved was overwritten: solve it again */
+        for (int64_t l = 1; l < level; l++)
             if (wbc_pose(plan, q, v, l) != DONE || wbc_solve(plan, l) != DONE) return UNSOLVED;
         break;
     }

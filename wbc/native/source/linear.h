@@ -23,6 +23,8 @@
 #define INDEPENDENT
 #endif
 
+static const double PI = 3.14159265358979323846;
+
 /* The next multiple of four: rows padded with zeros to that length need no remainder loop. */
 #define PADDED(n) (((n) + 3) & ~(int64_t)3)
 

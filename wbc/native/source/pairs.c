@@ -4,6 +4,7 @@
 #include "convex.h"
 #include "linear.h"
 #include "margin.h"
+#include "tree.h"
 
 #include <string.h>
 
@@ -325,14 +326,12 @@ static void add_line(const wbc_tree *tree, const double *state, int64_t joint, i
                      const double *arm, double sign, double *row) {
     const int64_t nv = tree->nv;
     const double *T = state + TWISTS(nv);
-    for (int64_t j = joint; j > above; j = tree->parent[j]) {
-        const int64_t first = j == 1 ? 0 : tree->iv[j], last = j == 1 ? 6 : first + 1;
-        for (int64_t c = first; c < last; c++) {
+    for (int64_t j = joint, c; j > above; j = tree->parent[j])
+        for (int64_t behind = columns_of(tree, j, &c); c < behind; c++) {
             double sum = 0.0;
             for (int i = 0; i < 3; i++) sum += n[i] * T[i * nv + c] + arm[i] * T[(3 + i) * nv + c];
             row[c] = sign * sum;
         }
-    }
 }
 
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k, const int64_t *chosen,

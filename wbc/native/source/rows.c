@@ -7,7 +7,6 @@
 static const double TURN = 0.01;
 /* rad: smaller angles use series, which lose no digits. */
 static const double SMALL = 0.1;
-static const double PI = 3.14159265358979323846;
 
 void logarithm(const double *R, double *r) {
     const double w[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};

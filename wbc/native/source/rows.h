@@ -17,7 +17,8 @@ void evaluate_block(const wbc_plan *plan, const wbc_block *block, const double *
                     const double *q, double *J, double *e, double *bias, double *bound);
 
 /* The curvature of an inertia block with errors e, not in the bound above: add factor times the rows' absolute sums
- * to to (nv), stride apart; or add it to H (nv, nv). work holds WORK numbers. */
+ * to to (nv), stride apart; or add it to H (nv, nv). work holds 14 (nv + 3)
+ * numbers. */
 void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
                        const double *e, double factor, double *work, double *to, int64_t stride);
 void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,

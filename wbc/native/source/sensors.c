@@ -4,8 +4,7 @@
 
 #include <string.h>
 
-static const double LEEWAY = 5e-3;                 /* rad or m: tolerance of a joint's motion */
-static const double TURN = 6.28318530717958647692; /* rad */
+static const double LEEWAY = 5e-3;   /* rad or m: tolerance of a joint's motion */
 enum { AGREE = 5 };                  /* rejected readings in a row after which a joint is where they say */
 enum { FROZEN = 25 };                /* identical readings in a row that make an IMU frozen */
 static const double QUIET = 0.01;    /* s: an IMU may be slower than the messages */
@@ -37,7 +36,7 @@ int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions,
 }
 
 double wbc_joint_motion(const wbc_estimator *e, int64_t joint, double from, double to) {
-    return e->tree->kind[joint] == CONTINUOUS ? remainder(to - from, TURN) : to - from;
+    return e->tree->kind[joint] == CONTINUOUS ? remainder(to - from, 2.0 * PI) : to - from;
 }
 
 void wbc_read_joints(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double dt, double *positions,

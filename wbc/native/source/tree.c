@@ -265,10 +265,11 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
     for (int i = 0; i < 3; i++) com[i] = composite[11 + i] / mass;
     for (int i = 0; i < 3; i++) state[COM + i] = base[i] + com[i];
     for (int64_t j = 1; j < n; j++) {
-        const int64_t first = j == 1 ? 0 : tree->iv[j], behind = j == 1 ? 6 : first + 1;
+        int64_t k;
+        const int64_t behind = columns_of(tree, j, &k);
         double moved[10];
         about_point(composite + 10 * j, com, moved);
-        for (int64_t k = first; k < behind; k++) {
+        for (; k < behind; k++) {
             double axis[3];
             if (j == 1)
                 for (int i = 0; i < 3; i++) axis[i] = R[9 + 3 * i + k % 3];
