@@ -75,30 +75,27 @@ class NativeForces:
                 begin += points
         self.count = len(described)
         self.structs = ffi.new("wbc_force[]", described)
-        self.corners = np.concatenate(corners).ravel()
         self.passive = np.array(rows.passive, dtype=np.int64)
         self.bounded = np.array(rows.bounded, dtype=np.int64)
-        self.most = np.array(rows.most, dtype=float)
-        self.limits = np.concatenate((forces.lower, forces.upper))
         springs = robot.closure.sprung if forces.surfaces else ()
         self._sprung = np.array([robot.joint_index(joint) for joint in springs], dtype=np.int64)
         stiffness = np.array([robot.passive.springs[joint].stiffness for joint in springs])
         self._yielding = stiffness * rows.spring_time**2 / dt
-        self.joint_damping = np.array(robot.damping, dtype=float)
-        self.joint_damping[self._sprung - 6] += self._yielding
+        damping = np.array(robot.damping, dtype=float)
+        damping[self._sprung - 6] += self._yielding
         self.load = np.zeros(robot.nv)
         cones = forces.bounds()
         self.cones = len(cones.labels)
         self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
         self.labels = rows.labels + cones.labels
         self.arrays = {
-            "corner": self.corners,
+            "corner": np.concatenate(corners).ravel(),
             "passive": self.passive,
             "with_bound": self.bounded,
-            "torque_bound": self.most,
+            "torque_bound": np.array(rows.most, dtype=float),
             "cone": self.cone,
-            "force_bound": self.limits,
-            "joint_damping": self.joint_damping,
+            "force_bound": np.concatenate((forces.lower, forces.upper)),
+            "joint_damping": damping,
             "load": self.load,
         }
         self._ramps: Mapping[str, float] = {}
