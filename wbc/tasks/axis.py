@@ -87,8 +87,7 @@ class AxisTask(CoreTask):
         """Return what the native core needs of the axis and its target."""
         rates, numbers = (self._bias, self._drift), (self._goal, self.axis)
         moving = "_bias", "_drift", "_goal", ""
-        entries = (0, 1, 2)
-        return (NativeRows(Kind.POINTING, self.frame, entries, *rates, numbers, moving=moving),)
+        return (NativeRows(Kind.POINTING, self.frame, (0, 1, 2), *rates, numbers, moving=moving),)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the axis minus the target, both unit vectors in world axes."""

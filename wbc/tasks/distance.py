@@ -73,15 +73,13 @@ class DistanceTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return distance minus target [m]."""
-        direction, distance = self._direction(snapshot)
-        relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
+        direction, distance, relative = self._line(snapshot)
         jacobian = (direction @ relative)[None]
         return Residual(np.array([distance]) - self._goal, jacobian, self._bias)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the distance's second derivative at v' = 0, less the target's [m/s^2]."""
-        direction, distance = self._direction(snapshot)
-        relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
+        direction, distance, relative = self._line(snapshot)
         velocity = relative @ snapshot.v
         acceleration = snapshot.drift(self.frame)[:3] - snapshot.drift(self.other)[:3]
         along = float(direction @ velocity)
@@ -95,8 +93,9 @@ class DistanceTask(Task):
         # Smooth where the two meet; elsewhere off by less than 1e-12 m.
         return (arm.T @ arm + LEAST_DISTANCE**2) ** 0.5 - float(self._goal)
 
-    def _direction(self, snapshot: Snapshot) -> tuple[Array, float]:
-        """Return the unit vector (3,) from ``other`` to ``frame`` and the distance [m]."""
+    def _line(self, snapshot: Snapshot) -> tuple[Array, float, Array]:
+        """Return the direction (3,) from ``other`` to ``frame``, its length, and J (3, nv)."""
         arm = snapshot.position(self.frame) - snapshot.position(self.other)
         distance = math.sqrt(float(arm @ arm))
-        return (arm / distance if distance > LEAST_DISTANCE else _UP), distance
+        relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
+        return (arm / distance if distance > LEAST_DISTANCE else _UP), distance, relative
