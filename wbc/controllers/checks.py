@@ -188,19 +188,14 @@ def refuse_weightless(tasks: Sequence[Task]) -> None:
 def warn_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
     """Warn of tasks with gains for the other level, and none for this one."""
     for task in tasks:
-        first = (task.law.gain, task.law.gain_per_second) != (
-            DEFAULT_LAW.gain,
-            DEFAULT_LAW.gain_per_second,
-        )
+        law = task.law
+        first = (law.gain, law.gain_per_second) != (DEFAULT_LAW.gain, DEFAULT_LAW.gain_per_second)
         second = task.acceleration_law != AccelerationLaw()
         if first != second and second != torques:
             unused, level, used = LEVEL_GAINS[torques]
             logging.getLogger(__name__).warning(
                 "controller: %s of %s has no effect at the %s level; give %s",
-                unused,
-                task,
-                level,
-                used,
+                *(unused, task, level, used),
             )
 
 

@@ -158,14 +158,6 @@ class SolveCheck(NamedTuple):
         attempts: int,
         conflict: Conflict | None = None,
     ) -> Solution:
-        return Solution(
-            *raw[:4],
-            status=status,
-            residuals=residuals,
-            iterations=raw.iterations,
-            solve_time=perf_counter() - self.started,
-            solver=self.solver,
-            conflict=conflict,
-            attempts=attempts,
-            message=raw.message,
-        )
+        spent = perf_counter() - self.started
+        known = *raw[:4], status, residuals, raw.iterations, spent, self.solver
+        return Solution(*known, conflict, attempts, raw.message)
