@@ -119,6 +119,12 @@ def test_build_refuses_a_cost_that_is_not_convex():
 def test_build_refuses_an_asymmetric_cost():
     with pytest.raises(InvalidInputError, match="symmetric"):
         QP.build([[2.0, 1.0], [0.0, 2.0]], [1.0, 1.0])
+    with pytest.raises(InvalidInputError, match="symmetric"):
+        QP.build([[1e12, 1.0], [0.0, 2.0]], [1.0, 1.0])
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    cost = turn @ np.diag([3.7, 3.7]) @ turn.T
+    assert cost[0, 1] != cost[1, 0]  # by 1e-16 of rounding
+    QP.build(cost, [1.0, 1.0])
 
 
 def test_a_qp_of_no_unknowns_is_refused() -> None:

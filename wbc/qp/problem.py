@@ -108,7 +108,7 @@ class QP(NamedTuple):
             labels=labels or Labels.numbered(n, me, mi),
         )
         check_qp(qp)
-        if not np.allclose(qp.P, qp.P.T, rtol=1e-9, atol=0.0):
+        if not np.allclose(qp.P, qp.P.T, rtol=1e-9, atol=1e-13 * np.abs(qp.P).max()):
             raise InvalidInputError("QP.P: must be symmetric; use 1/2 (P + P')")
         curvatures = np.linalg.eigvalsh(qp.P)
         if curvatures[0] < -ROUNDING * abs(curvatures).max():
