@@ -139,6 +139,8 @@ def test_torques_near_a_reference(g1: Robot, here: Snapshot) -> None:
     assert len(places) == 2
     np.testing.assert_allclose(tick.torque[places], wanted, atol=0.02)
     np.testing.assert_allclose(tick.errors["torque"], tick.torque[places] - wanted, atol=1e-9)
+    with pytest.raises(InvalidInputError, match=r"'\*ankle\*' is no joint of the task"):
+        knees.set_target({"*ankle*": 1.0})
 
 
 def test_force_rate_slows_what_forces_do(g1: Robot, here: Snapshot) -> None:

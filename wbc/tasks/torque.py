@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
@@ -54,6 +55,8 @@ class TorqueTask(ForceTask):
             wanted = np.zeros(size)
             for pattern, value in by_name(f"{self}, target", target).items():
                 places = [k - BASE_NV for k in robot.joint_indices(pattern)]
+                if not {*places} & {*self._joints}:
+                    raise InvalidInputError(f"{self}, target: {pattern!r} is no joint of the task")
                 wanted[places] = finite_number(f"{self}, target of {pattern!r}", value)
             target = wanted
         else:
