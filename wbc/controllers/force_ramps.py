@@ -84,12 +84,12 @@ class ForceRamps:
         if ticks < 1:
             self._coming, self._going = {}, {}
             return tuple(wanted)
-        before = {task.name for task in held}
         after = {task.name for task in wanted}
+        loads = {task.name: normal_forces.get(task.name, 0.0) for task in held}
         going = {
-            name: Ramp(normal_forces[name], 0.0, ticks)
-            for name in before - after
-            if normal_forces.get(name, 0.0) > NEGLIGIBLE * self._full
+            name: Ramp(load, 0.0, ticks)
+            for name, load in loads.items()
+            if name not in after and load > NEGLIGIBLE * self._full
         }
         bearing = [
             task.name for task in wanted if isinstance(task, Contact) and task.friction is not None
@@ -98,11 +98,10 @@ class ForceRamps:
         for name in bearing:
             if name in self._going:  # it is set again while being released
                 coming[name] = Ramp(self._going[name].most, self._full, ticks)
-            elif name not in before:
+            elif name not in loads:
                 coming[name] = Ramp(0.0, self._full, ticks)
         self._coming = {name: ramp for name, ramp in coming.items() if name in bearing}
-        still = {name: self._going[name] for name in going.keys() & self._going.keys()}
-        self._going = going | still
+        self._going = {name: self._going.get(name, ramp) for name, ramp in going.items()}
         return (*wanted, *(task for task in held if task.name in going))
 
     def advance(self) -> frozenset[str]:
