@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from wbc.constraints import Contact, Limits, PositionBox, support
-from wbc.controllers import KinematicController
+from wbc.constraints import Bounds, Contact, Limits, PositionBox, support
+from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PositionTask, PostureTask
@@ -43,6 +43,27 @@ def test_a_soft_contact_is_its_rows_as_a_cost(hoap2: Robot, here: Snapshot) -> N
     assert soft.ok
     # Damping 1e-6 against rows of 10: a part in 1e7 of the velocity is not determined.
     np.testing.assert_allclose(soft.velocity, expected, atol=1e-5)
+
+
+class Nothing(PositionBox):
+    """A box without a row now, as of pairs none of which is near."""
+
+    def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        return Bounds((), np.zeros((0, self.robot.nv)), np.zeros(0), np.zeros(0))
+
+
+def test_a_soft_constraint_without_rows_has_no_slack(hoap2: Robot, here: Snapshot) -> None:
+    """The torque level's own rows were taken for its."""
+    nothing = Nothing(hoap2, "base", here.q[:3] - 1.0, here.q[:3] + 1.0)
+    balance = TorqueController(
+        hoap2,
+        [PostureTask(hoap2, here.q)],
+        contacts=support(here, "double"),
+        constraints=[nothing],
+        slack={nothing.name: 1.0},
+    )
+    tick = balance.step(here)
+    assert tick.ok and tick.slack == {}
 
 
 def test_a_soft_contact_counts_by_its_own_weight_too(hoap2: Robot, here: Snapshot) -> None:

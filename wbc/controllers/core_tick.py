@@ -86,7 +86,8 @@ class CoreTick:
 
     def with_bounds(self, bounds: Bounds) -> None:
         """Store labels and slack weights of the inequality rows of constraints in Python."""
-        self._row_labels, self._slack_weights = bounds.labels, bounds.slack
+        self._row_labels = bounds.labels
+        self._slack_weights = bounds.slack if bounds.labels else None
 
     @cached_property
     def singular(self) -> dict[str, Singularity]:
