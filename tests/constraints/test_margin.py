@@ -107,6 +107,10 @@ def test_no_distances_make_no_rows(hoap2) -> None:
     assert rows.labels == ()
     assert rows.lower.shape == (0,)
     assert rows.push is None
+    far = Walls(hoap2, [], [])
+    far.has_more = lambda distances: True  # all of them may be anywhere: they are measured again
+    assert far.may_violate(rows, along(hoap2, 1.0), DT) and cut(far, 0.0, 1.0) is None
+    assert far.asked == [None]
 
 
 @pytest.mark.parametrize("gain", [0.2, 0.5, 1.0])

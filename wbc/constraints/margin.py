@@ -253,7 +253,7 @@ def _unlisted_may_violate(distances: Distances, v: Array, dt: float) -> bool:
     """Return whether a distance without a row, beyond the farthest with one, may be violated."""
     left = distances.beyond
     if left is None:
-        left = float(np.maximum.reduce(distances.clearance))
+        left = float(np.maximum.reduce(distances.clearance, initial=-np.inf))  # of none: anywhere
     return lib.wbc_lever * dt * float(np.abs(v).sum()) > left
 
 
