@@ -8,7 +8,7 @@ import pytest
 from wbc import ComTask, KinematicController, Limits, PostureTask, Robot, support
 from wbc.controllers import Tick
 from wbc.controllers.closed_loop import ticks_of
-from wbc.errors import ControllerFailure, UnknownNameError
+from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.run import RunStatus, Stop, closed_loop, simulate
 
 
@@ -67,6 +67,9 @@ def test_an_update_chooses_the_controller_and_ends_the_loop(hoap2: Robot) -> Non
     assert len(ticks) == 3
     assert ticks[1].speed > 1e-3
     assert ticks[2].tick.velocity[2] > 0.0  # back up
+    slower = KinematicController(hoap2, first.tasks, contacts=(), dt=0.01)
+    with pytest.raises(InvalidInputError, match=r"ticks last 0\.005 s, .* for 0\.01 s"):
+        next(closed_loop(first, hoap2.posture(), 99, lambda k, _: slower))
 
 
 def test_ticks_are_timed_by_the_clock_and_by_the_threads_own(hoap2: Robot, monkeypatch) -> None:

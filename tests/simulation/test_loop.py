@@ -112,6 +112,9 @@ def test_update_chooses_the_controller_and_ends_the_loop() -> None:
     ticks = list(simulate(first, plant, 1.0, update=update))
     assert len(ticks) == 5 and len(seen) == 6
     assert ticks[0].snapshot is seen[0]
+    slower = wbc.TorqueController(robot, first.tasks, contacts=(), dt=2.0 * DT)
+    with pytest.raises(InvalidInputError, match=r"ticks last 0\.002 s, .* for 0\.004 s"):
+        next(simulate(first, plant, 1.0, update=lambda k, snapshot: slower))
 
 
 def test_a_recording_is_read_by_analyze(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.controllers.controller import Controller
 from wbc.controllers.tick import Tick
-from wbc.errors import ControllerFailure
+from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -61,6 +61,15 @@ def ticks_of(duration: float, dt: float) -> int:
     return math.ceil(duration / dt - ROUNDING)
 
 
+def check_period(controller: Controller, dt: float) -> None:
+    """Raise InvalidInputError for a controller whose time step is not a loop's [s]."""
+    if controller.dt != dt:
+        raise InvalidInputError(
+            f"closed loop: ticks last {dt:g} s, and the update's controller decides for"
+            f" {controller.dt:g} s; make it with dt={dt:g}"
+        )
+
+
 def closed_loop(
     controller: Controller, q: ArrayLike, ticks: int, update: Update | None = None
 ) -> Iterator[LoopTick]:
@@ -79,7 +88,7 @@ def closed_loop(
     Raises
     ------
     InvalidInputError
-        An unusable configuration.
+        An unusable configuration, or an update whose controller has another time step.
     """
     robot, dt = controller.robot, controller.dt
     q = robot.check_configuration(q)
@@ -90,6 +99,7 @@ def closed_loop(
         present = controller if update is None else update(k, snapshot)
         if present is None:
             return
+        check_period(present, dt)
         gave_up = False
         try:
             tick = present.step(snapshot)

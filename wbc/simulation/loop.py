@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from time import perf_counter, thread_time
 from typing import NamedTuple
 
-from wbc.controllers.closed_loop import Update
+from wbc.controllers.closed_loop import Update, check_period
 from wbc.controllers.controller import Controller
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
@@ -111,6 +111,8 @@ def simulate(
             active = controller if update is None else update(k, snapshot)
             if active is None:
                 return
+            _check_controller("simulate, what update returned", active)
+            check_period(active, dt)
             tick = _torque_tick(active, snapshot, plant.known_wrenches(dt))
         if snapshot is None or tick is None:  # before the first frame
             plant.step(plant.torque, dt)
@@ -131,7 +133,6 @@ def _torque_tick(
 ) -> TorqueTick:
     if isinstance(controller, TorqueController):
         return controller.step(snapshot, wrenches)
-    _check_controller("simulate, what update returned", controller)
     tick = controller.step(snapshot)
     if not isinstance(tick, TorqueTick):
         raise InvalidInputError(
