@@ -280,6 +280,11 @@ def test_what_has_no_effect_at_this_level_is_said(
     wbc.TorqueController(hoap2, tasks, contacts=wbc.support(here, "double"))
     assert "singular_threshold of task 'com' has no effect" in caplog.text
     caplog.clear()
+    posture = wbc.PostureTask(hoap2, here.q)
+    later = wbc.TorqueController(hoap2, [posture], contacts=wbc.support(here, "double"))
+    later.change(tasks=[posture, *tasks])
+    assert "singular_threshold of task 'com' has no effect" in caplog.text
+    caplog.clear()
     first, second = wbc.ComTask(hoap2, here.com, gain=0.3), wbc.ComTask(hoap2, here.com, kp=50.0)
     both = wbc.ComTask(hoap2, here.com, gain_per_second=5.0, kd=9.0)
     for task in (first, second, both, wbc.ComTask(hoap2, here.com)):

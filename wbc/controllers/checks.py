@@ -186,8 +186,12 @@ def refuse_weightless(tasks: Sequence[Task]) -> None:
 
 
 def warn_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
-    """Warn of tasks with gains for the other level, and none for this one."""
+    """Warn of tasks with gains for the other level, and none for this one; of a threshold, too."""
     for task in tasks:
+        if torques and task.singular_threshold:
+            logging.getLogger(__name__).warning(
+                "controller: singular_threshold of %s has no effect at the torque level", task
+            )
         law = task.law
         first = (law.gain, law.gain_per_second) != (DEFAULT_LAW.gain, DEFAULT_LAW.gain_per_second)
         second = task.acceleration_law != AccelerationLaw()

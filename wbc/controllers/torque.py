@@ -181,11 +181,6 @@ class TorqueController(Controller):
             on_failure=on_failure,
             deadline=deadline,
         )
-        for task in tasks:
-            if task.singular_threshold:
-                logging.getLogger(__name__).warning(
-                    "controller: singular_threshold of %s has no effect at the torque level", task
-                )
         self.delay = finite_number("controller, delay", delay, least=0.0)
         predicted = f"controller: a delay of {self.delay:g} s is predicted over as if nothing"
         doubt_delay(f"{predicted} disturbed meanwhile", self.delay)
