@@ -344,22 +344,23 @@ class TorqueController(Controller):
 
     def _remember_slack(self, leaving: Sequence[Task]) -> None:
         """Keep the slack weights of contacts that are being released."""
-        names, weights = {one.name for one in leaving}, self.slacks.weights
-        self._leaving_slack = {name: weights[name] for name in names & weights.keys()}
+        names, weights = [one.name for one in leaving], self.slacks.weights
+        self._leaving_slack = {name: weights[name] for name in names if name in weights}
 
     def _decision(self) -> Decision:
         robot = self.robot
-        self._unit = robot.mass / self.dt  # N per unit of a force unknown
-        self.contact_forces = forces = ContactForces(robot, self.contacts, self._unit)
-        self._deceleration = self._braking.decelerations(self.limits, self.contacts)
+        unit = robot.mass / self.dt  # N per unit of a force unknown
+        self.contact_forces = forces = ContactForces(robot, self.contacts, unit)
         followers = [robot.joint_index(name) for name in robot.motorless]
         bounded = np.isfinite(self.torque_bounds)
         bounded[[k - 6 for k in followers]] = False
-        self._bounded = 6 + np.flatnonzero(bounded)
+        places, most = 6 + np.flatnonzero(bounded), self.torque_bounds[bounded] / unit
+        labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in places)
         # Base, and joints without a motor of their own: no torque there.
-        self._passive = np.array([*range(6), *followers])
-        self._torque_bound = self.torque_bounds[bounded] / self._unit
-        self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
+        passive = np.array([*range(6), *followers])
+        slow = self._braking.decelerations(self.limits, self.contacts)
+        known = slow, self.spring_time, self._known_forces
+        self._rows = TorqueRows(forces, passive, places, most, labels, *known)
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
         damping[forces.internal] *= INTERNAL
@@ -370,9 +371,7 @@ class TorqueController(Controller):
         return BASE_FORCES + followers
 
     def _force_rows(self) -> TorqueRows:
-        limits = self._bounded, self._torque_bound, self._torque_labels
-        known = self._deceleration, self.spring_time, self._known_forces
-        return TorqueRows(self.contact_forces, self._passive, *limits, *known)
+        return self._rows
 
     def _evaluate_python_tasks(self, plan: CorePlan, snapshot: Snapshot) -> list[TaskEvaluation]:
         motion = super()._evaluate_python_tasks(plan, snapshot)
@@ -462,8 +461,9 @@ class TorqueController(Controller):
         if len(self.plan.levels) > 1:
             P, g = plan.memory.cost(-1)
             qp = qp._replace(P=P, g=g)
-        surfaces, begin = len(self.contact_forces.surfaces), self._bounded.size
-        physical = Physical(self._passive.size, qp.u.size, slice(begin, begin + surfaces))
+        rows, surfaces = self._rows, len(self.contact_forces.surfaces)
+        ranges = slice(rows.bounded.size, rows.bounded.size + surfaces)
+        physical = Physical(rows.passive.size, qp.u.size, ranges)
         relaxed = relaxed_qp(self.plan, qp, physical, margins, plan.heaviest)
         rest = np.concatenate((snapshot.v, np.zeros(self.contact_forces.size)))
         first = self._levels.first
