@@ -78,9 +78,6 @@ class SensedPlant(Plant):
         known = settings or EstimatorSettings(encoder_delay=self.devices.encoders.delay)
         mounts = [one.mount for one in self.devices.imus]
         self.estimator = StateEstimator(robot, mounts, known, dt=dt)
-        self.told: dict[str, int] = {}
-        self._is_read = False
-        self.errors = EstimateErrors()
         super().__init__(robot, dt=dt, **others)
 
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
@@ -97,7 +94,8 @@ class SensedPlant(Plant):
             raise InvalidInputError(
                 "plant, v: a robot whose state is estimated begins at rest; leave it out"
             )
-        self.sensing, self.told, self.errors = Sensing(self, self.devices), {}, EstimateErrors()
+        self.sensing, self.errors = Sensing(self, self.devices), EstimateErrors()
+        self.told: dict[str, int] = {}
         self.estimate: Estimate | None = None
         self.estimator.reset(q)
         bus = self.devices.bus
@@ -109,7 +107,7 @@ class SensedPlant(Plant):
             raise InvalidInputError(
                 f"plant, devices: the estimator cannot begin: {self.estimator.kept_by}"
             )
-        self._is_read = False
+        self._is_read: bool = False
 
     def measure(self) -> tuple[Array, Array] | None:
         """Return the estimated configuration and velocity; None before the first message.
