@@ -60,13 +60,17 @@ def test_what_osqp_leaves_is_said_before_and_when_the_core_answers(hoap2, caplog
     assert "left a QP unsolved" in told[1] and "'active_set' answered" in told[1]
 
 
-def test_solvers_are_doubted_at_the_torque_level_alone(hoap2, caplog) -> None:
+def test_solvers_are_doubted_at_the_torque_level_alone(hoap2, caplog, monkeypatch) -> None:
     controller(hoap2, "velocity", "osqp")
     assert not caplog.records
     for name in ("active_set", "proxqp", "proxqp_cold", "clarabel", "daqp", "piqp"):
         assert torque_level_doubt(make_backend(name)) is None
     ecos = make_backend("piqp")
     ecos.name = "ecos"
+    assert "never measured" in torque_level_doubt(ecos)
+    ecos.name = "qpoases"
+    assert torque_level_doubt(ecos) is None  # somebody's own
+    monkeypatch.setattr("wbc.qp.backend.qpsolvers_names", lambda: ("qpoases",))
     assert "never measured" in torque_level_doubt(ecos)
     assert "no inequality rows" in torque_level_doubt(make_backend("pseudo_inverse"))
 

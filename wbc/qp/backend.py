@@ -122,11 +122,13 @@ def backend_of(solver: str | Backend) -> Backend:
 
 
 def torque_level_doubt(backend: Backend) -> str | None:
-    """Return why a backend may leave torque ticks unsolved, in words; None: it was measured."""
+    """Return why a backend may leave torque ticks unsolved; None: it was measured, or is yours."""
     name = backend.name
-    if name in _EXTRAS and name not in _MEASURED | set(_UNRELIABLE):
+    if name in _UNRELIABLE:
+        return f"QP solver {name!r} {_UNRELIABLE[name]}"
+    if name not in {*_NATIVE, *_MEASURED} and name in {*_EXTRAS, *qpsolvers_names()}:
         return f"QP solver {name!r} was never measured at the torque level"
-    return f"QP solver {name!r} {_UNRELIABLE[name]}" if name in _UNRELIABLE else None
+    return None
 
 
 def installed_solvers() -> tuple[str, ...]:
