@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits, PositionBox, support
-from wbc.controllers import KinematicController
+from wbc.controllers import KinematicController, TorqueController
 from wbc.qp import Labels, Status
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
@@ -22,6 +22,16 @@ def test_three_errors_are_named(hoap2, count: int, told: str) -> None:
     tick = KinematicController(hoap2, tasks, contacts=()).step(here)
     assert repr(tick) == f"Tick(solved, nv={hoap2.nv}, errors: {told})"
     assert tick.report() == "solved" and tick.ok
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_ticks_are_told_apart_and_looked_up(hoap2, level) -> None:
+    """By which they are, as robots and contacts: comparing their arrays was a ValueError."""
+    here = hoap2.snapshot(hoap2.posture())
+    controller = level(hoap2, [ComTask(hoap2, here.com)], contacts=())
+    first, second = controller.step(here), controller.step(here)
+    assert first != second and [first, second].index(second) == 1
+    assert len({first, second, first}) == 2
 
 
 def test_rows_that_hold_back_are_told_the_strongest_first(hoap2) -> None:

@@ -81,7 +81,7 @@ _READ_ON_DEMAND = frozenset(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tick:
     """The answer of a controller at one snapshot.
 

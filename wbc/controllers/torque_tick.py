@@ -11,7 +11,7 @@ from wbc.qp.solution import Conflict, Solution
 from wbc.validate import Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TorqueTick(Tick):
     """The result of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
 

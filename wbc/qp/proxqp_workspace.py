@@ -90,7 +90,7 @@ _CLAIMS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Workspace:
     """One native solver object with its factorisation, preconditioner and last solution."""
 
