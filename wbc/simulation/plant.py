@@ -152,7 +152,7 @@ class Plant:
 
     def __repr__(self) -> str:
         return (
-            f"Plant({self.robot.name!r}, t={self.time:.3f} s, dt={self.dt:g}"
+            f"Plant({self.robot.name!r}, t={self.time:.3f} s, dt={self.dt:g},"
             f" physics_dt={self.physics_dt:g})"
         )
 
