@@ -172,6 +172,7 @@ def test_what_is_assigned_is_checked_as_what_is_given() -> None:
         (AxisTask(ROBOT, "base", [0, 0, 1]), "axis", [0, 0, 0], "axis: a direction needs"),
         (InertiaTask(ROBOT, START.inertia), "second_order", 2, "second_order: expected"),
         (support(START, "double")[0], "frame", None, "frame: expected its name, got None"),
+        (AxisTask(ROBOT, "base", [0, 0, 1]), "frame", "haed", "unknown frame 'haed'.*'head'"),
     )
     for one, name, value, words in assigned:
         before = getattr(one, name)

@@ -43,7 +43,6 @@ class AxisTask(CoreTask):
         **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, f"{frame} axis" if name is None else name, AXES, **law)
-        robot.frame_id(frame)
         self.frame = frame
         self.axis = axis
         self.set_target(target)

@@ -34,8 +34,11 @@ class CoreTask(Task):
     """
 
     def _set_attribute(self, name: str, value: Any) -> None:
-        if name == "frame" and not isinstance(value, str):  # None would be rows of no frame
-            raise InvalidInputError(f"{self}, frame: expected its name, got {shown(value)}")
+        if name == "frame" and name in self._declared:
+            if not isinstance(value, str):  # None would be rows of no frame
+                raise InvalidInputError(f"{self}, frame: expected its name, got {shown(value)}")
+            if "robot" in self.__dict__:  # one's own kinds may set it before that
+                self.robot.frame_id(value)
         super()._set_attribute(name, value)
 
     @abstractmethod

@@ -47,7 +47,6 @@ class OrientationTask(CoreTask):
         **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, f"{frame} orientation" if name is None else name, TURNS, **law)
-        robot.frame_id(frame)
         self.frame = frame
         self.set_target(target)
 
@@ -101,7 +100,6 @@ class PoseTask(PlacementTask, CoreTask):
         **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, f"{frame} pose" if name is None else name, AXES + TURNS, **law)
-        robot.frame_id(frame)
         self.frame = frame
         self.set_target(position, rotation)
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from wbc.kinds import one_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.robot.model import check_robot
 from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Aim
@@ -127,10 +126,8 @@ class PositionTask(PointTask):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
-        check_robot(type(self).__name__, robot)
-        robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
-        self.frame = frame
         super().__init__(robot, f"{frame} position" if name is None else name, target, axes, **law)
+        self.frame = frame
 
     def _point(self, snapshot: Snapshot) -> Array:
         return snapshot.position(self.frame)
