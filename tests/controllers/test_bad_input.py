@@ -168,6 +168,7 @@ def test_what_is_assigned_is_checked_as_what_is_given() -> None:
         (SelfCollision(ROBOT), "count", -1, "pairs: must be at least 1"),
         (SelfCollision(ROBOT), "count", "x", "pairs: expected a number"),
         (SelfCollision(ROBOT), "robot", ROBOT, "robot cannot be assigned"),
+        (Obstacles(ROBOT, [BALL]), "margin", -0.1, "obstacles, margin: must be at least 0"),
         (SelfCollision(ROBOT), "name", ["x"], "name: expected"),
         (AxisTask(ROBOT, "base", [0, 0, 1]), "axis", [0, 0, 0], "axis: a direction needs"),
         (InertiaTask(ROBOT, START.inertia), "second_order", 2, "second_order: expected"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -75,7 +75,7 @@ class Obstacles(BodyMargin):
         limits: Limits | None = None,
     ) -> None:
         super().__init__(robot, "obstacles", pairs, braking, limits)
-        self.margin = clearance("obstacles", margin)
+        self.margin = margin
         listed = tuple(obstacles) if isinstance(obstacles, Iterable) else (None,)
         if not all(isinstance(one, Obstacle) for one in listed):
             raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")
@@ -91,6 +91,11 @@ class Obstacles(BodyMargin):
             (*own, *around),
             [(b, self._first + k) for k in range(len(around)) for b in range(len(own))],
         )
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "margin":
+            value = clearance("obstacles", value)
+        super()._set_attribute(name, value)
 
     def min_distances(self) -> Array:
         """Return the least distance (N,) of each pair [m], skin included."""
