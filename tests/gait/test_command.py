@@ -156,7 +156,9 @@ def test_a_misspelt_setting(hoap2: Robot) -> None:
 
 
 def test_walking_takes_two_feet(robot_named: Load) -> None:
-    with pytest.raises(InvalidInputError, match=r"two feet are expected, left and right; .* has: none"):
+    with pytest.raises(
+        InvalidInputError, match=r"two feet are expected, left and right; .* has: none"
+    ):
         Walker(robot_named("mixed_joints"))
     with pytest.raises(InvalidInputError, match="expected a robot"):
         Walker("g1")  # type: ignore[arg-type]
