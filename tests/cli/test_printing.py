@@ -69,12 +69,21 @@ def test_an_inertia_out_of_reach_says_how_far_and_what_held_it() -> None:
     reading = result.inertia["shape"]
     assert [f"{reading.share(k):.2f}" for k in range(3)] == ["0.45", "0.28", "0.20"]
     assert result.reach.startswith(
-        "as far as its joints allow: shape 20 to 45 % of what is wanted, held by "
+        "as far as its joints allow: shape 20 to 45 % of what is wanted, at "
     )
     assert result.held_at_end[0] in result.reach
     held = [name for name, on in result.history.active.items() if on[-1]]
     assert sorted(held) == sorted(result.held_at_end)
     assert result.summary()["reach"] == result.reach
+
+
+def test_an_inertia_that_other_tasks_hold_back_is_not_laid_to_the_joints() -> None:
+    """Without an active limit nothing was said: "every tolerance met", and short of its target."""
+    heavy = {"tasks.posture.weight": 10.0, "tasks.posture.gain": 0.5, "stop.accept": {}}
+    result = load_problem(PROBLEMS / "shape_standing_g1.yaml", heavy).run()
+    assert result.status.value == "converged" and not result.inertia["shape"].arrived
+    assert not result.held_at_end
+    assert result.reach.startswith("as far as its other tasks allow: shape ")
 
 
 def test_one_that_arrives_or_is_still_on_its_way_says_nothing() -> None:

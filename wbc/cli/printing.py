@@ -106,7 +106,7 @@ def _inertia(result: Result) -> Table:
     table = heads("inertia [kg m^2]", "start", "wanted", "reached", "of it")
     for name, one in result.inertia.items():
         for k, component in enumerate(one.components):
-            numbers = (f"{values[k]:.4f}" for values in (one.start, one.wanted, one.reached))
+            numbers = (f"{values[k]:#.4g}" for values in (one.start, one.wanted, one.reached))
             about = "" if one.about == COM else f" about {_words_of(one.about)}"
             part = f"{100 * one.share(k):.0f} %" if one.wanted[k] > 0.0 else ""
             table.add_row(Text(f"{name}: {component} in {one.axes} axes{about}"), *numbers, part)

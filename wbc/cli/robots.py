@@ -89,12 +89,12 @@ def _joints(robot: Robot) -> Table:
     limits, model = robot.limits, robot.model
     columns = ("lower", "upper", "speed [/s]", "effort", "mass [kg]")
     table = heads("joint [rad, N m; m, N]", *columns)
-    table.add_row(Text("base"), "", "", "", "", f"{model.inertias[1].mass:.3f}")
+    table.add_row(Text("base"), "", "", "", "", f"{model.inertias[1].mass:#.4g}")
     for k, name in enumerate(limits.names):
         bounds = (limits.lower[k], limits.upper[k], limits.velocity[k], limits.effort[k])
         told = ("none" if math.isinf(one) else f"{one:.4g}" for one in bounds)
         mass = model.inertias[model.getJointId(name)].mass
-        table.add_row(Text(name), *told, f"{mass:.3f}")
+        table.add_row(Text(name), *told, f"{mass:#.4g}")
     return table
 
 

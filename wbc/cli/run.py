@@ -161,7 +161,7 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
 
     title = f"{name}: {result.status.value.replace('_', ' ')}"
     if isinstance(result, Result):
-        title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
+        title += f", {result.reach.partition(', at ')[0]}" if result.reach else ""
         title = style.literal(title)
         plot_run(result.robot, result.history, path, title=title, view=look or DEFAULT)
     elif isinstance(result, SimulationResult):

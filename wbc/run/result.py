@@ -193,16 +193,18 @@ class Result:
 
     @property
     def reach(self) -> str:
-        """How near a robot at rest came to an inertia out of reach, in words; else empty.
+        """How near a robot at rest came to an inertia that it does not reach, in words; else empty.
 
-        Such as "as far as its joints allow: shape 20 to 45 % of what is wanted, held by ...".
+        Such as "as far as its joints and other tasks allow: shape 20 to 45 % of what is wanted,
+        at left_knee lower bound". A run without one of them tells which it is.
         """
         short = {name: one for name, one in self.inertia.items() if not one.arrived}
         active = self.held_at_end
-        if self.status is not RunStatus.CONVERGED or not short or not active:
+        if self.status is not RunStatus.CONVERGED or not short:
             return ""
         bounds = [name.endswith(" bound") for name in active]
-        limits = " and ".join(["joints"] * any(bounds) + ["margins"] * (not all(bounds)))
+        limits = ["joints"] * any(bounds) + ["margins"] * (not all(bounds))
+        limits += ["other tasks"] * (len(self.tasks) > 1)
         parts = []
         for name, one in short.items():
             shares = sorted(
@@ -212,7 +214,9 @@ class Result:
                 extremes = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
                 parts.append(f"{name} {' to '.join(extremes)} % of what is wanted")
         shares_text = "; ".join(parts) or "a nearest inertia"
-        return f"as far as its {limits} allow: {shares_text}, held by {listed(active, 2)}"
+        who = " and ".join(limits) or "small motions"
+        where = listed(active, 2) or "no limit (outweighed, or no small motion changes it)"
+        return f"as far as its {who} allow: {shares_text}, at {where}"
 
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
