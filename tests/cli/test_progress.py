@@ -15,6 +15,8 @@ CALLS = (
     ((7, 90, {"time": 0.07, "speed": 0.25, "failed": 2}),
      "tick 7 of at most 90: t = 0.07 s, speed 2.5e-01, 2 failed",
      "t = 0.07 s, speed 2.5e-01, 2 failed"),
+    ((7, 90, {"time": 0.07, "failed": 0, "relaxed": 2}),
+     "tick 7 of at most 90: t = 0.07 s, 2 relaxed", "t = 0.07 s, 2 relaxed"),
     ((6, 20, {"push": PUSH, "new": 4, "left": 14, "seconds": 60.0}),
      "push 6 of at most 20: 1.2 at 90 deg survived, at most 3.5 min left", "at most 3.5 min left"),
     ((500, 1000), "frame 500 of 1000", "500 of 1000 frames"),

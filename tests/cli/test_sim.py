@@ -33,6 +33,12 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+def test_what_holds_it_back_is_named(file: Path) -> None:
+    """A margin held a walk's hips half of the time and its trunk askew, without a word."""
+    said = " ".join(wbc_command("sim", file).stdout.split())
+    assert re.search(r"held back by right_sole corner 1 friction at 270 deg for 0\.1\d s, ", said)
+
+
 @pytest.mark.slow
 def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> None:
     npz, summary, table = (tmp_path / f"push.{end}" for end in ("npz", "json", "csv"))

@@ -94,8 +94,8 @@ def _labels_of(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
         return "searching", "start", "no posture yet" if cost is None else f"best cost {cost:.4g}"
     doing = f"moving to posture {info['posture']}" if "posture" in info else "running"
     speed = f", speed {info['speed']:.1e}" if "speed" in info else ""
-    failed = f", {info['failed']} failed" if info.get("failed") else ""
-    return doing, "tick", f"t = {info['time']:.2f} s{speed}{failed}"
+    bad = "".join(f", {info[one]} {one}" for one in ("failed", "relaxed") if info.get(one))
+    return doing, "tick", f"t = {info['time']:.2f} s{speed}{bad}"
 
 
 def push_state(info: Mapping[str, Any]) -> str:

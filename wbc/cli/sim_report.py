@@ -65,6 +65,9 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     for wrench in result.wrenches:
         table.add_row("wrench", Text(_wrench(wrench)))
     table.add_row("gave way", Text(_gave_way(result)))
+    if held := result.run.held_back:
+        longest = [f"{name} for {one.ticks * result.run.dt:.2f} s" for name, one in held.items()]
+        table.add_row("held back", Text(f"by {listed(longest, SHOWN)}"))
     table.add_row("CoP", _cop(result))
     table.add_row("trunk", f"tilted by at most {result.peak_tilt:.2f} rad")
     table.add_row("torque", Text(_torque(result)))

@@ -52,7 +52,7 @@ def run_trial(
     plan:
         Followed by the tasks; the result has its tracking errors.
     progress, cancelled, show:
-        See :func:`wbc.run.simulate`; ``failed`` counts relaxed ticks.
+        See :func:`wbc.run.simulate`; ``relaxed`` counts the ticks in which something gave way.
     provenance:
         Origin of the run, as plain data; a part of the result.
 

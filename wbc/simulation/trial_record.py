@@ -81,7 +81,8 @@ class TrialRecord:
 
     def info(self) -> dict[str, Any]:
         """Return the progress of the trial."""
-        return {"time": self._plant.time, "errors": {}, "failed": self.relaxed}
+        failed, relaxed = len(self.run.failures), self.relaxed
+        return {"time": self._plant.time, "errors": {}, "failed": failed, "relaxed": relaxed}
 
     def _true_state(self, now: SimulationTick) -> Snapshot:
         """Return the true state at the beginning of a control period."""
