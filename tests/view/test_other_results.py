@@ -15,6 +15,7 @@ from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
+from wbc.problem.replay import replay_run
 from wbc.problem.saved import SavedRun, load_result
 from wbc.robot import Robot
 from wbc.simulation import SimulationResult, Step, Terrain
@@ -103,6 +104,16 @@ def test_a_pendulum_comes_back(moved: PendulumResult, tmp_path: Path) -> None:
     assert saved.summary["reason"] == moved.reason
     with pytest.raises(InvalidInputError, match="has no robot to name"):
         load_result(tmp_path / "p.npz", Robot.load("hoap2_like"))
+
+
+def test_a_plan_comes_back_and_is_replayed(tmp_path: Path) -> None:
+    """Its own arrays were in the way of reports and films, and the time of its search differed."""
+    planned = load_problem(PENDULUM.with_name("plan_lean.yaml")).run()
+    planned.save(tmp_path / "p.npz")
+    saved = load_result(tmp_path / "p.npz")
+    assert isinstance(saved, SavedPendulum) and isinstance(planned, PendulumResult)
+    np.testing.assert_array_equal(saved.history.com, planned.history.com)
+    assert replay_run(tmp_path / "p.npz").same
 
 
 @pytest.mark.parametrize("name", ["com", "support_times", "support_0"])

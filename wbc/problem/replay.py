@@ -124,6 +124,8 @@ def _array_differences(
             old, new = old[:ticks], new[:ticks]
         if old.shape != new.shape:
             found.append(f"{name}: shape {old.shape}, now {new.shape}")
+        elif name == "meta":  # of a plan, as JSON
+            found += _differences(json.loads(str(old)), json.loads(str(new)), name)
         elif old.dtype.kind in "US":
             if not np.array_equal(old, new):
                 found.append(f"{name}: other words")

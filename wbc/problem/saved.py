@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError, ModelError, WbcError
 from wbc.files import read_arrays
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
-from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
+from wbc.problem.pendulum.result import SavedPendulum, motion_names, pendulum_of
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.saved_parts import REMEDY, check_arrays, read_summary
 from wbc.problem.walk import read_problem
@@ -76,8 +76,9 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
     if not alone:
         raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
     summary = read_summary(path, str(alone["summary"]), FORMATS)
-    arrays = read_arrays(path, list, _kinds, LARGEST)
-    if summary["format"] == PENDULUM_FORMAT:
+    pendulum = summary["format"] == PENDULUM_FORMAT
+    arrays = read_arrays(path, motion_names if pendulum else list, _kinds, LARGEST)
+    if pendulum:
         if robot is not None:
             raise InvalidInputError(f"{path}: a pendulum's result, which has no robot to name")
         return pendulum_of(path, arrays, summary)

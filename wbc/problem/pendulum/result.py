@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
@@ -184,6 +184,12 @@ class SavedPendulum:
     def of(cls, result: PendulumResult, name: str) -> SavedPendulum:
         """Return a result as if it were loaded from its file."""
         return cls(name, result.history, result.summary())
+
+
+def motion_names(names: Iterable[str]) -> list[str]:
+    """Return the names of a file's arrays that are the motion's; a plan's file has others, too."""
+    own = {each.name for each in fields(PendulumHistory)}
+    return [name for name in names if name in own or name.startswith("support_")]
 
 
 def pendulum_of(
