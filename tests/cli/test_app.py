@@ -399,6 +399,14 @@ def test_closed_stdout_is_no_traceback(file: Path) -> None:
     assert subprocess.run(["sh", "-c", line], check=False).returncode == 0
 
 
+@pytest.mark.parametrize("name", ["push", "bench"])
+def test_help_wraps_by_the_terminals_width_alone(name: str) -> None:
+    """At 80 columns every line of 100 of the source ended in one of a word or two."""
+    command = typer.main.get_command(app).get_command(None, name)
+    assert "\n\n" in command.help  # paragraphs stay
+    assert not re.search(r"[^\n]\n[^\n]", command.help)
+
+
 def test_units_stand_in_the_help() -> None:
     """Rich takes [s] for markup and swallows it: "when it begins ."."""
     commands = typer.main.get_command(app).commands

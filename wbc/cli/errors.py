@@ -123,6 +123,13 @@ def missing_limits(robot: Robot) -> str:
 class Commands(TyperGroup):
     """Commands whose usage errors suggest what to write."""
 
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command, its paragraphs of help in one line each: lines of sources stay."""
+        found = super().get_command(ctx, cmd_name)
+        if found is not None and found.help:
+            found.help = "\n\n".join(" ".join(one.split()) for one in found.help.split("\n\n"))
+        return found
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command of the line; the package's own errors become a message each.
 
