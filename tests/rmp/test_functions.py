@@ -80,10 +80,11 @@ def test_mistakes(tmp_path: Path) -> None:
 
 
 def test_command_line(tmp_path: Path) -> None:
-    arguments = ["codegen", "planar", "--mass", "20", "-o", str(tmp_path), "--function", "bias"]
+    folder = tmp_path / "made for it"
+    arguments = ["codegen", "planar", "--mass", "20", "-o", str(folder), "--function", "bias"]
     done = wbc_command(*arguments)
     assert done.exit_code == 0, done.output
-    assert "int bias(const" in (tmp_path / "planarrmp.c").read_text()
+    assert "int bias(const" in (folder / "planarrmp.c").read_text()
     wrong = wbc_command("codegen", "planar", "--mass", "-1", "-o", tmp_path)
     assert wrong.exit_code == 1
     assert "mass: must be greater than 0" in wrong.output

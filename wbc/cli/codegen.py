@@ -33,7 +33,7 @@ def codegen(
         typer.Option(
             "--output",
             "-o",
-            help="Folder to write into; made for a problem, . by default for a pendulum.",
+            help="Folder to write into, made if it is missing; . by default for a pendulum.",
         ),
     ] = None,
     assign: Assign = None,
@@ -121,6 +121,7 @@ def _pendulum(
     kinds: dict[str, Callable[[float, float], ReactionMassPendulum]]
     kinds = {"planar": PlanarRmp, "solid": SolidRmp, "euler": EulerSolidRmp}
     pendulum = kinds[model](mass, STANDARD_GRAVITY if gravity is None else gravity)
+    output.mkdir(parents=True, exist_ok=True)
     source = export_c(pendulum, output, function or None)
     typer.echo(f"{source} and {source.with_suffix('.h').name}")
     for name in function or pendulum.functions:
