@@ -212,8 +212,11 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
         assert tab.evaluate("document.documentElement.scrollWidth") == 390
         wide = tab.evaluate("document.querySelector('.plot').clientWidth")
+        assert complaints == []
+        tab.evaluate("gl.getExtension('WEBGL_lose_context').loseContext()")  # as a busy GPU does
+        tab.wait_for_selector("#trouble:not([hidden])")  # an empty picture, without a word
+        assert "reload" in tab.inner_text("#trouble")
         browser.close()
-    assert complaints == []
     assert stays == pytest.approx(numbers(data_of(page)["com"], (-1, 3))[0, :2])
     assert 0.05 < left < 0.3  # m: it walks out of the picture, and the view goes after it
     assert len({begins, ends, bare}) == 3

@@ -33,7 +33,9 @@ const rod = (a, b, r) => { const z = sub(b, a), u = unit(z);
 // ------------------------------------------------------------------ WebGL
 const canvas = document.getElementById("scene"), gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
 const trouble = document.getElementById("trouble");
-if (!gl) { trouble.hidden = false; trouble.textContent = "This browser has no WebGL 2: no replay."; }
+const tell = (text) => { trouble.hidden = false; trouble.textContent = text; };
+if (!gl) tell("This browser has no WebGL 2: no replay.");
+canvas.addEventListener("webglcontextlost", () => tell("The browser has closed the 3-D view; reload the page."));
 const shader = (kind, text) => { const s = gl.createShader(kind); gl.shaderSource(s, text);
   gl.compileShader(s); if (!gl.getShaderParameter(s, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(s));
   return s; };
