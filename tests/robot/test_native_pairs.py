@@ -6,12 +6,15 @@ import pickle
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from tests.conftest import ROBOTS, load, random_state
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
 from wbc.robot.collision.distances import ShapePairs
 from wbc.robot.collision.shapes import Body, Capsule, Hull
+
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def loaded(name: str) -> Robot:
@@ -79,6 +82,29 @@ def test_hulls_are_certified_and_coals(rng) -> None:
             certified += 1
     assert certified > 1500
     assert handed > 20
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-10, 1e-8, 1e-6])
+def test_boxes_with_parallel_faces_are_measured(tilt: float, rng) -> None:
+    """Nearest points of such faces are not unique; an upright robot of boxes has many of them."""
+    robot = loaded("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    joints, gaps, bodies = (5, 20), rng.choice([1e-4, 5e-3, 0.1], 200), []
+    R, p = here.joint_placements
+    for k, gap in enumerate(gaps):
+        axes = Rotation.random(random_state=rng).as_matrix()
+        sizes = rng.uniform(0.01, 0.2, (2, 3))
+        aside = rng.uniform(-0.8, 0.8, 2) * sizes[:, 1:].sum(axis=0)
+        middles = np.zeros(3), axes @ (sizes[:, 0].sum() + gap, *aside)
+        turns = axes, axes @ Rotation.from_rotvec(tilt * rng.normal(size=3)).as_matrix()
+        for joint, size, middle, turn in zip(joints, sizes, middles, turns, strict=True):
+            corners = middle + (CORNERS * size) @ turn.T
+            hull = Hull((corners - p[joint]) @ R[joint], 0.0)
+            bodies.append(Body(f"{k} on {joint}", "base", joint, hull))
+    pairs = [(2 * k, 2 * k + 1) for k in range(len(gaps))]
+    model = CollisionModel(robot, bodies, pairs)
+    found = model.native.measure(here.native_state, np.arange(len(pairs)))
+    np.testing.assert_allclose(found[0], gaps, atol=2e-9 + tilt)
 
 
 def test_what_pairs_keep_and_those_that_touch(rng) -> None:

@@ -17,7 +17,7 @@
 #include <string.h>
 
 static const double TOUCHING = 1e-7; /* m: closer hulls are measured as overlapping ones, in Python */
-static const double CERTAIN = 1e-10; /* m: between the two bounds */
+static const double CERTAIN = 1e-9;  /* m: between the two bounds; faces parallel to 1e-8 rad leave a few 1e-10 */
 static const double EXACT = 1e-15;   /* by the size of v: no improvement beyond this */
 enum { MOST_ROUNDS = 50, BLOCK = 8 };
 
@@ -171,7 +171,10 @@ int convex_distance(const convex *A, const convex *B, const double *there, const
         if (has(&of, w) || (of.count && size - least <= EXACT * size)) break;
         const simplex before = of;
         of.count++;
-        if (!nearest_of(&of, next)) return 0;
+        if (!nearest_of(&of, next)) { /* inside; or of rounding, in four corners of parallel faces: the bounds tell */
+            of = before;
+            break;
+        }
         const double now = sqrt(dot3(next, next));
         if (!(now < size)) { /* rounding: the last one was as good */
             of = before;

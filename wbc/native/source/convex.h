@@ -16,7 +16,7 @@ typedef struct {
 
 /* Distance of A and B, whose origin is at `there` from A's; unit normal from B to A; nearest point of A from its
  * origin, world axes. guess: about the direction from B to A. False: they overlap, or the answer is not proved to a
- * tenth of a nanometre. */
+ * nanometre. */
 int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double *distance,
                     double *normal, double *point);
 
