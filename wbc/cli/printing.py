@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -105,8 +106,11 @@ def tasks_table(result: Result) -> Table:
 def _inertia(result: Result) -> Table:
     table = heads("inertia [kg m^2]", "start", "wanted", "reached", "of it")
     for name, one in result.inertia.items():
+        columns = one.start, one.wanted, one.reached
+        largest = float(np.abs(columns).max()) or 1.0
+        decimals = max(3 - math.floor(math.log10(largest)), 4)  # of small robots, too
         for k, component in enumerate(one.components):
-            numbers = (f"{values[k]:#.4g}" for values in (one.start, one.wanted, one.reached))
+            numbers = (f"{values[k]:.{decimals}f}" for values in columns)
             about = "" if one.about == COM else f" about {_words_of(one.about)}"
             part = f"{100 * one.share(k):.0f} %" if one.wanted[k] > 0.0 else ""
             table.add_row(Text(f"{name}: {component} in {one.axes} axes{about}"), *numbers, part)
