@@ -93,16 +93,21 @@ class CrouchPath:
 
 
 def standing_torque(snapshot: Snapshot, frames: Sequence[str]) -> Array:
-    """Return the joint torques (n,) of a robot at rest that stands on frames.
+    """Return the joint torques (n,) of a robot at rest that stands on frames."""
+    needed, borne = bearing_forces(snapshot.robot.snapshot(snapshot.q), frames)
+    return (needed - borne)[BASE_NV:]
 
-    The contact wrenches are the least-norm ones that bear the weight: S' tau = g - J' f, less what
-    springs give.
+
+def bearing_forces(rest: Snapshot, frames: Sequence[str]) -> tuple[Array, Array]:
+    """Return the forces (nv,) that a robot at rest needs, and what frames it stands on give.
+
+    The contact wrenches f are the least-norm ones that bear the weight: S' tau = g - J' f, where g
+    is less what springs give.
     """
-    rest = snapshot.robot.snapshot(snapshot.q)
     needed = rest.bias - rest.robot.passive_forces_at(rest)
     J = np.vstack([rest.jacobian(frame) for frame in frames])
     wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, needed[:BASE_NV], rcond=None)[0]
-    return (needed - J.T @ wrenches)[BASE_NV:]
+    return needed, J.T @ wrenches
 
 
 class PostureMotion:

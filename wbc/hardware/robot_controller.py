@@ -16,6 +16,7 @@ from wbc.gait.phases import Standing
 from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.gait.swing import turned
 from wbc.hardware.bus import Command, Reading
+from wbc.hardware.postures import bearing_forces
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.rotations import quaternion_from, rotation_from
@@ -305,13 +306,10 @@ class RobotController:
         That of the least wrenches that bear all of it. Wrenches by the torques themselves would be
         at the mercy of noise where legs are straight.
         """
-        s = self.robot.snapshot(q)
-        J = np.vstack([s.jacobian(foot.frame) for foot in self.robot.feet.values()])
-        needed = s.bias - self.robot.passive_forces_at(s)
-        wrenches = np.linalg.lstsq(J[:, :BASE_NV].T, needed[:BASE_NV], rcond=None)[0]
-        bearing = J[:, BASE_NV:].T @ wrenches
-        square = float(bearing @ bearing)
-        return float(bearing @ (needed[BASE_NV:] - torque)) / square if square > 0.0 else 0.0
+        frames = [foot.frame for foot in self.robot.feet.values()]
+        needed, borne = (part[BASE_NV:] for part in bearing_forces(self.robot.snapshot(q), frames))
+        square = float(borne @ borne)
+        return float(borne @ (needed - torque)) / square if square > 0.0 else 0.0
 
 
 def stance_of(robot: Robot, q: Array) -> tuple[Array, float]:
