@@ -36,6 +36,7 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.notes import doubt_delay
+from wbc.robot.postures import NEUTRAL
 from wbc.validate import Array, list_of
 
 OLD_MESSAGES_WARNING = 50  # number of messages in a row dropped for their age before a warning
@@ -259,19 +260,15 @@ class StateEstimator:
         return estimate
 
     def _joint_torques(self, m: Measurement) -> Array | None:
-        """Return what motors and springs give (n,); the core knows of no springs, and of no loops.
-
-        It is told which motions these allow.
-        """
+        """Return what motors and springs give (n,); None: not measured."""
         robot = self.robot
         if m.torques is None or not (robot.passive or robot.closure.binds):
             return m.torques
-        q, v = robot.postures["neutral"].copy(), np.zeros(robot.nv)
+        q, v = robot.postures[NEUTRAL].copy(), np.zeros(robot.nv)
         robot.limits.write_positions(q, m.positions)
         if m.velocities is not None:
             v[BASE_NV:] = m.velocities
-        self.core.observer.tie(q)
-        return m.torques + robot.passive_forces(q, v)[BASE_NV:]
+        return self.core.observer.joint_torques(q, v, m.torques)
 
     def _load_shares(self, m: Measurement) -> Any:
         """Return the pointer to the feet's loads, in units of the weight."""

@@ -144,6 +144,13 @@ class MomentumObserver:
             J = self.robot.closure.errors(q)[1][:, BASE_NV:]
             self._untied[:] = np.eye(len(self._untied)) - np.linalg.pinv(J, rcond=1e-9) @ J
 
+    def joint_torques(self, q: Array, v: Array, torque: Array) -> Array:
+        """Return what motors (nv-6,) and springs give; the core knows of no springs, nor loops."""
+        self.tie(q)
+        if not self.robot.passive:
+            return torque
+        return torque + self.robot.passive_forces(q, v)[BASE_NV:]
+
     def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
         """Update by the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
@@ -158,9 +165,7 @@ class MomentumObserver:
         q, v = self.robot.check_configuration(q), self.robot.check_velocity(v)
         torque = finite_array("momentum observer, torque", torque, (self.robot.nv - BASE_NV,))
         step = finite_number("momentum observer, dt", dt, least=0.0)
-        self.tie(q)
-        if self.robot.passive:
-            torque = torque + self.robot.passive_forces(q, v)[BASE_NV:]
+        torque = self.joint_torques(q, v, torque)
         lib.wbc_momentum_update(self.struct, *map(doubles, (q, v, torque)), step)
 
     def memory(self) -> Array:
