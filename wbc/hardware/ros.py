@@ -7,6 +7,7 @@ message object. ``examples/ros2_node.py`` is a node.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -103,11 +104,14 @@ def state_of(robot: Robot, joints: Any, base: Any) -> tuple[Array, Array]:
         that are not finite.
     """
     names, rows = list(_field(joints, "JointState", "name")), list[Array]()
-    for found, what in ((0, "no joint"), (2, "twice")):
-        wrong = [name for name in robot.joint_names if min(names.count(name), 2) == found]
+    places, times = {name: k for k, name in enumerate(names)}, Counter(names)
+    for what, wrong in (
+        ("no joint", [name for name in robot.joint_names if not times[name]]),
+        ("twice", [name for name in robot.joint_names if times[name] > 1]),
+    ):
         if wrong:
             raise InvalidInputError(f"JointState: {what} {listed(wrong)} of {robot.name}")
-    order = [names.index(name) for name in robot.joint_names]
+    order = [places[name] for name in robot.joint_names]
     for key in ("position", "velocity"):
         row = _field(joints, "JointState", key)
         if len(row) != len(names):  # ROS allows none
