@@ -14,7 +14,7 @@ import pinocchio as pin
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import State
 from wbc.robot.formats.urdf_exporters import refuse_macros
-from wbc.robot.formats.urdf_words import SIMILARITY
+from wbc.robot.formats.urdf_words import ROTORS, SIMILARITY
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.notes import noted
@@ -110,11 +110,7 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
         if element.tag == "virtual_joint" and element.get("type") not in (None, "floating"):
             told.append(f"<virtual_joint> of type {element.get('type')!r} (base='fixed' bolts it)")
     rotors = [str(joint.get("name")) for joint in root.iterfind("rotor_params/joint")]
-    return noted("SRDF, not read: {}", told) + noted(
-        "SRDF, not read: rotors' inertia (armature=... takes it, times the gear ratio squared), of"
-        " {}",
-        rotors,
-    )
+    return noted("SRDF, not read: {}", told) + noted(f"SRDF, not read: {ROTORS}, of {{}}", rotors)
 
 
 def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:

@@ -53,8 +53,9 @@ KNOWN = {
     "dynamics": _allowed("damping friction"),
 }
 # Physics in elements for other programs (Drake, Gazebo), which moves the robot.
+ROTORS = "rotors' inertia (armature=... takes it, times the gear ratio squared)"
 PHYSICS = {
-    "rotor_inertia": "rotors' inertia (armature=... takes it, times the gear ratio squared)",
+    "rotor_inertia": ROTORS,
     "springStiffness": "springs",
     "turnGravityOff": "that gravity does not act",
 }
