@@ -15,7 +15,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_kind
 from wbc.polygon import polygon_margin
-from wbc.rmp.axes import GAP, SAME_AXIS, Bools, are_distinct, follow, turning_rate
+from wbc.rmp.axes import GAP, SAME_AXIS, are_distinct, follow, turning_rate
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental, equimomental_at_density
 from wbc.rmp.ground import (
     Wrench,
@@ -29,7 +29,7 @@ from wbc.rmp.ground import (
 from wbc.robot import Snapshot
 from wbc.robot.model import check_snapshot
 from wbc.spatial import vech_inverse
-from wbc.validate import Array, finite_number, finite_vector
+from wbc.validate import Array, Bools, finite_number, finite_vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError, shown
 
 Array = NDArray[np.floating[Any]]
+Bools = NDArray[np.bool_]
 Part = TypeVar("Part")
 # Numbers beyond this are refused: they are implausible, and products of a few would overflow.
 LARGEST = 1e30

@@ -14,8 +14,7 @@ from wbc.cli.printing import heads, print_line
 from wbc.motion import RmpSeries
 from wbc.motion.dropouts import Dropout
 from wbc.motion.uncertainty import BAND
-from wbc.rmp.axes import Bools
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 SHOWN_DROPOUTS = 10
 NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"

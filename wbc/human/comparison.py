@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
 
-from wbc.human.contacts import Bools, nearest_rows
+from wbc.human.contacts import nearest_rows
 from wbc.human.markers import ForcePlate
 from wbc.motion.dropouts import runs
 from wbc.motion.ground import sole_corners
@@ -22,7 +22,7 @@ from wbc.polygon import convex_hull, polygon_margin
 from wbc.rmp.ground import centre_of_pressure
 from wbc.robot.series import sole_series
 from wbc.spatial import STANDARD_GRAVITY
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 MIN_PLATE_FORCE = 20.0  # N: a plate with less is unloaded
 LOAD_CUTOFF = 20.0  # Hz, of the forces by which it is: above is the noise of amplifiers

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from wbc.motion.dropouts import runs
 from wbc.motion.ground import sole_corners
 from wbc.robot import Robot
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 MAX_HEIGHT, MAX_SPEED = 0.035, 0.6  # m above the ground, m/s: of a sole's lowest corner in contact
 SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
@@ -17,8 +17,6 @@ SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
 HARMONICS = 2.4
 SHORTEST_STEP, LONGEST_STEP = 0.2, 1.2  # s, where only two touchdowns tell
 USUAL_CUTOFF, CUTOFF_RANGE = 6.0, (4.0, 12.0)  # Hz: without steps; least and largest with steps
-
-Bools = NDArray[np.bool_]
 
 
 def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float) -> Bools:

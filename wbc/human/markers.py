@@ -12,8 +12,7 @@ from wbc.human.anthropometry import check_build
 from wbc.human.landmarks import Landmark
 from wbc.kinds import one_of
 from wbc.motion.recording import MIN_ROWS
-from wbc.rmp.axes import Bools
-from wbc.validate import Array, finite_array, read_only, real_array, set_fields
+from wbc.validate import Array, Bools, finite_array, read_only, real_array, set_fields
 
 # Rotations that bring the vertical axis of a file to z, by its name.
 _TO_Z = {

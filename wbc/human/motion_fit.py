@@ -13,7 +13,7 @@ from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import MIN_PLATE_FORCE, plates_mass
-from wbc.human.contacts import Bools, cutoff_by_steps, feet_down, nearest_rows
+from wbc.human.contacts import cutoff_by_steps, feet_down, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
     bridge_untold,
@@ -59,7 +59,7 @@ from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import sole_series
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, Bools, finite_number
 
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 MIN_CUTOFF_PERIODS = 2.0  # in a recording that is low-passed

@@ -12,13 +12,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from wbc.human.contacts import Bools
 from wbc.human.residual_noise import CENTRE_DEVIATION
 from wbc.motion.dropouts import runs
 from wbc.motion.filtering import low_pass
 from wbc.motion.series import RmpSeries
 from wbc.robot.series import FRAMES_PER_CALL, state_series
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # The CoP of a foot in front of the ankle, by the stature: with an upright shank, more per rad of
 # forward lean, and at most, at the ball. Outwards it moves by a part of that, at most by the last

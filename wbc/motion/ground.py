@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.motion.planted_base import AUTO
-from wbc.rmp.axes import Bools
 from wbc.rmp.ground import (
     centre_of_pressure,
     centroidal_moment_pivot,
@@ -21,7 +20,7 @@ from wbc.rmp.ground import (
 )
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
-from wbc.validate import Array, names_of
+from wbc.validate import Array, Bools, names_of
 
 MAX_SOLE_HEIGHT = 0.01  # m, of corners that touch the ground
 # m/s, along the ground: soles that roll over an edge do not slide, those that swing over it do.

@@ -12,11 +12,10 @@ import numpy as np
 from wbc.files import ending_of, write_arrays, write_whole
 from wbc.motion.dropouts import Dropout
 from wbc.motion.noise import Noise
-from wbc.rmp.axes import Bools
 from wbc.rmp.ground import in_contact
 from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
-from wbc.validate import Array, read_only
+from wbc.validate import Array, Bools, read_only
 
 LIMIT_TOLERANCE = 1e-3  # rad or m past a limit, by rounding and the filter
 FORMATS = (".npz", ".csv")

@@ -14,7 +14,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.constraints.sole_contacts import rolls
 from wbc.gait.footsteps import SIGN
@@ -26,7 +25,7 @@ from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # Least distance between the soles by the legs' length, and the largest angle [rad] from straight
 # across of the lines along which it is measured.
@@ -39,7 +38,6 @@ MIN_LIFT = 0.1  # of the lifting curve; a foot lower than this must not demand a
 FLAT_PITCH, PITCH_TRANSITION, MAX_PITCH = 0.06, 0.1, (0.6, 0.3)
 LEVEL_PITCH = 2e-3  # rad: with less tilt a foot stands on all of its sole
 EDGE_WIDTH = 1e-3  # m: corners this near to the front or rear form its edge; at least two do
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.ellipsoid import ROUNDING, equimomental
 from wbc.rotations import check_rotation
-from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
-
-Bools = NDArray[np.bool_]
+from wbc.validate import Array, Bools, finite_array, finite_number, finite_vector, read_only
 
 # Two second moments closer than this fraction of the largest count as equal: an inertia accurate to
 # one part in a million then has axes accurate to a milliradian.
