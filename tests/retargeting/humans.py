@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from wbc import ComTask, KinematicController, Motion, OrientationTask, PoseTask, PostureTask
 from wbc.gait.swing import turned
@@ -93,6 +96,17 @@ def reaching_up(seconds: float = 2.5) -> HumanMotion:
     still = {s: np.zeros((len(t), 3)) for s in ("left", "right")}
     up = minimum_jerk(np.clip((t - 0.4) / 0.6, 0.0, 1.0))
     return moving(seconds, 0.0 * t, 0.0 * t, still, 2.8 * up)
+
+
+def facing(human: HumanMotion, angle: float) -> HumanMotion:
+    """Return a human that does the same, turned by an angle about the vertical [rad]."""
+    base, R = human.motion.base, turned(angle)
+    assert base is not None
+    turn = Rotation.from_matrix(R) * Rotation.from_quat(base[:, 3:])
+    return replace(
+        human,
+        motion=replace(human.motion, base=np.hstack((base[:, :3] @ R.T, turn.as_quat()))),
+    )
 
 
 def trajectory_problem(motion: Retargeted, collision: bool = True) -> TrajectoryProblem:

@@ -11,7 +11,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import wbc
-from tests.retargeting.humans import crouching, stepping
+from tests.retargeting.humans import crouching, facing, stepping
 from wbc.retargeting import RetargetWeights, body_map
 from wbc.retargeting.initial_guess import interpolate
 from wbc.retargeting.result import Reached
@@ -49,6 +49,14 @@ def test_swinging_soles_below_the_ground_are_noted(crouch: wbc.Retargeted) -> No
     assert [note.split(",")[0] for note in notes] == [
         f"the swinging {foot} sole is up to 20 mm below the ground" for foot in crouch.robot.feet
     ]
+
+
+def test_human_that_faces_backwards_moves_the_robot_alike(hoap2: Robot) -> None:
+    """The left foot heads for -177 degrees, the right one for 177: their mean was 0."""
+    human = crouching(0.8, inward=-0.05)
+    ahead, back = (wbc.retarget(one, hoap2, rounds=2) for one in (human, facing(human, np.pi)))
+    assert back.targets.feet.widening == pytest.approx(ahead.targets.feet.widening, abs=1e-9)
+    np.testing.assert_allclose(back.q[:, 7:], ahead.q[:, 7:], atol=1e-3)  # rad: solved to 1e-4
 
 
 def test_retargeting_uses_one_blas_thread_and_restores_the_others(hoap2: Robot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -114,15 +115,16 @@ def human_frames(
     states = state_series(robot, series.q, frames=(*SEGMENTS, *THIGHS))
     rotation = {name: states.rotation(name) for name in SEGMENTS}
     hips = np.mean([states.position(name) for name in THIGHS], axis=0)
+    facing = headings(rotation["pelvis"])
     soles, sole_rotation, down = {}, {}, {}
     for number, side in enumerate(robot.feet):
         T = places[side]
         position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
         heading = headings(T[:, :3, :3])
+        heading += math.tau * round((facing[0] - heading[0]) / math.tau)  # both feet by one count
         soles[side], sole_rotation[side] = (position, heading), T[:, :3, :3]
         stands = flags[:, number] & ~_slides(position, T[:, :3, :3], series.time)
         down[side] = _without_short_ends(stands, series.time)
-    heading = headings(rotation["pelvis"])
     upright = robot.snapshot(robot.postures["neutral"])
     standing = np.mean([upright.position(name) for name in THIGHS], axis=0) - upright.com
     arms = {
@@ -134,7 +136,7 @@ def human_frames(
         for side in SIDES
     }
     return HumanFrames(
-        series, rotation, heading, arms, levers, hips - series.com, standing, soles, sole_rotation,
+        series, rotation, facing, arms, levers, hips - series.com, standing, soles, sole_rotation,
         down, roll,
     )  # fmt: skip
 
