@@ -11,7 +11,7 @@ from wbc.retargeting.gauss_newton import CONVERGED_COST, FEASIBLE, MAX_RATIO, so
 from wbc.retargeting.initial_guess import Progress
 from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.tasks import RetargetWeights
-from wbc.retargeting.trajectory_problem import TrajectoryProblem
+from wbc.retargeting.trajectory_problem import Linearization, TrajectoryProblem
 from wbc.validate import Array
 
 MAX_ITERATIONS = 14  # of Gauss-Newton
@@ -22,6 +22,8 @@ ATTEMPTS, WEIGHT_FACTOR, TIME_FACTOR = 6, 0.5, 1.2
 # Speeds above the limit by less than MAX_OVERSPEED stretch the time by that ratio, at most
 # MAX_STRETCH at once, and by this part more with each attempt.
 MAX_OVERSPEED, EXTRA_STRETCH, MAX_STRETCH = 4.0, 0.03, 1.5
+# A first attempt above this is stretched: lower weights make no motion so much slower.
+MUCH_TOO_FAST = 1.25
 MAX_COST_GROWTH = 1.5  # by the projection; above it a motion that is too fast is stretched instead
 # Factors on weights of the first attempt: many robots can follow these more closely.
 FIRST_ATTEMPT = {"com": 1.15, "momentum": 1.75, "lean": 30.0}
@@ -78,25 +80,26 @@ def solve_with_retries(
         found = project_onto_constraints(problem, best.q, stop_early=True)
         if found.feasible:
             return MotionAttempt(found.q, problem, scale, 0)
-    reductions, least = 0, math.inf
+    reductions, least = 0, (math.inf, math.inf)
     warm_start: Array | None = None
+    if MUCH_TOO_FAST < best.speed_ratio < MAX_OVERSPEED:
+        scale, warm_start = _stretched(scale, best, 1)
     for number in range(ATTEMPTS):
         problem, axes = build_problem(scale, weights)
         best = solve(problem, axes, iterations, balance, progress, warm_start)
         last, too_fast = number == ATTEMPTS - 1, MAX_RATIO < best.speed_ratio < MAX_OVERSPEED
-        found = project_onto_constraints(problem, best.q, stop_early=not last)
-        if found.violation < least or (last and found.feasible):
-            least, nearest = found.violation, MotionAttempt(found.q, problem, scale, reductions)
-        if found.feasible and too_fast and not last:
+        found, cost = project_onto_constraints(problem, best.q, stop_early=not last), 0.0
+        if found.feasible and too_fast:
             # Slowing down single joints may have changed the motion too much.
-            accepted = MAX_COST_GROWTH * max(best.cost, CONVERGED_COST)
-            too_fast = problem.linearize(found.q).cost > accepted
+            cost = problem.linearize(found.q).cost
+            too_fast = cost > MAX_COST_GROWTH * max(best.cost, CONVERGED_COST)
+        attempt = MotionAttempt(found.q, problem, scale, reductions)
         if found.feasible and not too_fast:
-            return MotionAttempt(found.q, problem, scale, reductions)
+            return attempt
+        if (found.violation, cost) < least:
+            least, nearest = (found.violation, cost), attempt
         if too_fast and (found.feasible or number == 0):
-            stretch = min(best.speed_ratio, MAX_STRETCH) * (1.0 + (number + 1) * EXTRA_STRETCH)
-            scale = replace(scale, time=scale.time * stretch)
-            warm_start = best.q if best.violation < FEASIBLE else None
+            scale, warm_start = _stretched(scale, best, number + 1)
             continue
         warm_start = None
         reductions += 1
@@ -108,3 +111,12 @@ def solve_with_retries(
         if max(found.speed_ratio, found.acceleration_ratio) > 1.0:
             scale = replace(scale, time=TIME_FACTOR * scale.time)
     return nearest
+
+
+def _stretched(
+    scale: MotionScale, best: Linearization, attempt: int
+) -> tuple[MotionScale, Array | None]:
+    """Return the scale of a motion that is slow enough, and its warm start."""
+    stretch = min(best.speed_ratio, MAX_STRETCH) * (1.0 + attempt * EXTRA_STRETCH)
+    warm_start = best.q if best.violation < FEASIBLE else None
+    return replace(scale, time=scale.time * stretch), warm_start
