@@ -62,7 +62,7 @@ class EstimatorSettings:
     timeout:
         Time without readings after which an IMU counts as dead, and another takes over [s].
     history:
-        Number of messages that one may be late by; an older one is dropped.
+        Number of the last messages that are kept; one that is older than these is dropped.
     """
 
     noise: FilterNoise = field(default_factory=FilterNoise)
