@@ -212,6 +212,7 @@ class StateEstimator:
                     *(self._dropped, last.time, last.time - late.time),
                 )
             return replace(last, notes=(f"a message is {age:.1f} ms late, {reason}; dropped",))
+        self._load_shares(late)  # first: a message that is refused leaves all as it was
         messages = [late, *(one for one, _ in list(self._history)[index:])]
         self.core.restore(self._history[index][1])
         for _ in range(len(times) - index):
@@ -225,7 +226,7 @@ class StateEstimator:
 
     def _process(self, m: Measurement) -> Estimate | None:
         core, sample, present = self.core, self._sample, self._imu_present
-        sample.loads = self._load_shares(m)  # first: a message that is refused leaves nothing
+        sample.loads = self._load_shares(m)  # first, likewise
         self._dropped = 0
         if self._last is not None and self.settings.history:
             self._history.append((m, core.memory()))
