@@ -414,6 +414,19 @@ def test_an_error_of_an_operator_leaves_a_log(
     assert rig.bus.command.is_passive and rig.safety.mode is Mode.STOP
 
 
+def test_an_error_of_a_bus_of_ones_own_leaves_a_log_and_no_processes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It came once more from the last commands: the controller was left, and a process waited."""
+    rig, closed = Rig(log=tmp_path / "log.npz"), list[str]()
+    rig.start()
+    monkeypatch.setattr(rig.bus, "write", lambda command: 1 / 0)
+    monkeypatch.setattr(rig.loop._worker, "close", lambda: closed.append("closed") or ())
+    with pytest.raises(ZeroDivisionError):
+        rig.loop.run(most=1.0)
+    assert rig.loop.result().logs and closed
+
+
 def test_words_are_wishes_and_others_are_refused(rig: Rig) -> None:
     """Any text that is no Wish was taken for quit: "stop" did not stop."""
     rig.wanted += ["dance", "stop"]  # type: ignore[list-item]

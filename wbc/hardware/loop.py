@@ -197,12 +197,14 @@ class HardwareLoop:
         """Send damping in any case; write the pending log."""
         state = self._state
         self.safety.stop(clock_now(), f"{state.ended or 'an error'}: the loop ends")
-        for _ in range(FINAL_STOPS):
-            self._write(self.safety.admit(None))
-        state.notes = tuple(self._worker.close())
-        if state.log_time is not None or self._always_logs:
-            self._write_log(state.event or f"the end: {state.ended}")
-        self._end_processes()
+        try:
+            for _ in range(FINAL_STOPS):
+                self._write(self.safety.admit(None))
+        finally:  # whatever a bus of one's own raises
+            state.notes = tuple(self._worker.close())
+            if state.log_time is not None or self._always_logs:
+                self._write_log(state.event or f"the end: {state.ended}")
+            self._end_processes()
 
     def _end_processes(self) -> None:
         """End the processes that write and show logs."""
