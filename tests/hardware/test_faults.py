@@ -262,6 +262,34 @@ def test_an_answer_to_a_request_of_the_mode_before_is_dropped(rig: Rig) -> None:
     assert rig.loop._state.answer is None and not rig.loop._state.is_stale
 
 
+def test_after_a_late_answer_ticks_are_due_as_before(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next one came a cycle early: that of the answer counted twice."""
+    worker, asked, busy = rig.loop._worker, list[int](), iter([True] * 6)
+
+    class Late:
+        """Answers the first job after six cycles."""
+
+        busy = False
+
+        def submit(self, job: Job) -> None:
+            asked.append(job.reading.sequence)
+            self.busy = True
+            worker.submit(job)
+
+        def result(self, timeout: float) -> object:
+            if not self.busy or next(busy, False):
+                return None
+            self.busy = False
+            return worker.result(timeout)
+
+    rig.loop._worker = Late()  # type: ignore[assignment]
+    monkeypatch.setattr(rig.loop, "_cycles", 5)
+    rig.cycles(0.07)
+    assert np.diff(asked).tolist() == [5] * 6
+
+
 def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:
     rig, said = Rig(), list[str]()
     rig.loop._say = said.append

@@ -305,7 +305,7 @@ class HardwareLoop:
         self.safety.measured(fresh)
 
     def _request_answer(self, reading: Reading | None) -> None:
-        """Request an answer to a reading when a tick is due, unless the controller is busy."""
+        """Request an answer to a reading when a tick is due."""
         state, mode = self._state, self.safety.mode
         is_up = mode is Mode.STANDING_UP and self._motions.up.is_over(state.time)
         is_needed = is_up or mode is Mode.RUNNING
@@ -314,9 +314,14 @@ class HardwareLoop:
             state.pending_reading, state.waited = reading, 0
         elif not is_needed:
             state.pending_reading = None
+        self._submit()
+
+    def _submit(self) -> None:
+        """Pass the pending request on, unless the controller is busy."""
+        state = self._state
         if state.pending_reading is None or self._worker.busy:
             return
-        commands = mode is Mode.RUNNING
+        commands = self.safety.mode is Mode.RUNNING
         begins = not (state.is_commanding if commands else state.is_observing)
         rests, waits = state.sit_deadline is not None, commands and state.waits
         job = Job(state.pending_reading, begins, commands, rests, waits)
@@ -331,7 +336,7 @@ class HardwareLoop:
         while (outcome := worker.result(self._time_left())) is not None:
             if state.is_stale:  # to a request of the mode before
                 state.is_stale = False
-                self._request_answer(None)
+                self._submit()
                 continue
             newest, state.last_answer_time = outcome, time
             sequence = state.request_sequence
@@ -339,7 +344,7 @@ class HardwareLoop:
             state.seconds.append(state.answer_duration)
             if state.pending_reading is None:
                 break
-            self._request_answer(None)
+            self._submit()
         if self.safety.mode is Mode.RUNNING:
             state.held_cycles += newest is None and worker.busy
             silence = time - max(state.last_answer_time, state.mode_start)
