@@ -19,7 +19,7 @@ from wbc.hardware.setup import Where, safety_of
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.profiles import by_pattern
 from wbc.robot import Robot
-from wbc.rotations import quaternion_from
+from wbc.rotations import quaternion_from, rotation_from
 
 PERIOD, FOLLOW = 0.002, 0.02  # s between readings, and of the joints' motion
 ELBOW, SHOULDER, WRIST = "left_elbow_joint", "left_shoulder_roll_joint", "right_wrist_roll_joint"
@@ -127,6 +127,16 @@ def tilted(reading: Reading) -> Reading:
     return replace(reading, quaternion=turned, specific_force=force)
 
 
+def upside_down(reading: Reading) -> Reading:
+    """The cosine of its tilt is below -1, by rounding: the check ended in a ValueError."""
+    turns = next(
+        one
+        for one in (np.array((np.cos(a), np.sin(a), 0.0, 0.0)) for a in np.linspace(0.0, 3.0, 500))
+        if rotation_from(one)[2, 2] < -1.0
+    )
+    return replace(reading, quaternion=turns, specific_force=-reading.specific_force)
+
+
 def beyond(reading: Reading) -> Reading:
     position = reading.position.copy()
     position[3] = 2.95  # a knee, of at most 2.88
@@ -137,6 +147,7 @@ def beyond(reading: Reading) -> Reading:
     ("change", "what"),
     [
         (tilted, "upright"),
+        (upside_down, "upright"),
         (beyond, "range"),
         (lambda one: replace(one, specific_force=one.specific_force / 9.81), "gravity"),
         (lambda one: replace(one, specific_force=-one.specific_force), "gravity"),

@@ -122,11 +122,10 @@ def _check_at_rest(
     worst = int(overrun.argmax())
     force = np.mean([one.specific_force for one in readings], axis=0)
     rate = float(np.linalg.norm(np.mean([one.angular_velocity for one in readings], axis=0)))
+    size = float(np.linalg.norm(force))
     vertical = rotation_from(last.quaternion)[2]
-    up = float(vertical @ axis)
-    direction = force / max(float(np.linalg.norm(force)), 1e-9)
-    gravity = float(vertical @ direction)
-    angle = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))
+    up, gravity = float(vertical @ axis), float(vertical @ (force / max(size, 1e-9)))
+    tilt, angle = (math.degrees(math.acos(min(max(one, -1.0), 1.0))) for one in (up, gravity))
     return [
         CheckFinding(
             "range",
@@ -134,13 +133,11 @@ def _check_at_rest(
             f"{robot.joint_names[worst]} is {abs(overrun[worst]):.3f} rad"
             f" {'outside' if overrun[worst] > 0.0 else 'inside'} its range",
         ),
-        CheckFinding(
-            "upright", up > 0.8, f"tilted by {math.degrees(math.acos(min(up, 1.0))):.1f} degrees"
-        ),
+        CheckFinding("upright", up > 0.8, f"tilted by {tilt:.1f} degrees"),
         CheckFinding(
             "gravity",
-            angle < 6.0 and 9.0 < float(np.linalg.norm(force)) < 10.6,
-            f"{np.linalg.norm(force):.2f} m/s^2, {angle:.1f} degrees off what the orientation says",
+            angle < 6.0 and 9.0 < size < 10.6,
+            f"{size:.2f} m/s^2, {angle:.1f} degrees off what the orientation says",
         ),
         CheckFinding("gyroscope", rate < 0.05, f"{rate:.3f} rad/s at rest"),
     ]
