@@ -213,6 +213,16 @@ def test_a_joint_that_is_thrown_about_stops_the_check_in_words(
     assert hanging.command.is_passive
 
 
+def test_a_robot_that_falls_silent_while_it_is_moved_stops_the_check(
+    g1: Robot, hanging: HangingRobot
+) -> None:
+    """All its joints were said to be blocked, and commanded on."""
+    hanging.change = lambda one: one if one.time < 102.0 else None  # type: ignore[assignment,return-value]
+    with pytest.raises(WbcError, match="check: no usable reading; motors brake"):
+        moved(g1, hanging)
+    assert hanging.command.is_passive and hanging.clock["now"] < 103.0
+
+
 def told_by(
     monkeypatch: pytest.MonkeyPatch, bus: HangingRobot, g1: Robot, *words: str, typed: str = ""
 ) -> tuple[int, str]:

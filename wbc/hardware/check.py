@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import WbcError
 from wbc.hardware.bus import Bus, Command, Reading
+from wbc.hardware.loop import SILENCE
 from wbc.hardware.real_time import CycleClock, now
-from wbc.hardware.safety import Mode, Safety
+from wbc.hardware.safety import Fault, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot
@@ -209,6 +210,7 @@ class _Mover:
         self._clock = CycleClock(safety.dt)
         self._number = 0
         self._last: Reading | None = None
+        self._heard_at = math.inf
         self.held: Array = np.zeros(len(gains.kp))
         self._target: Array = self.held
 
@@ -266,8 +268,10 @@ class _Mover:
             for one in findings:
                 safety.report(*one)
             if usable:
-                self._last = reading
+                self._last, self._heard_at = reading, time
                 safety.measured(reading)
+        if time - self._heard_at > SILENCE:
+            safety.report(Fault.SILENT)
         safety.judge(time)
         zero = np.zeros(len(self._target))
         command = Command(0, self._target, zero, zero, self._gains.kp, self._gains.kd)
