@@ -1,5 +1,6 @@
 """What the controller knows of a robot before it commands."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from wbc.hardware.robot_controller import (
     SensorEstimator,
     TruthEstimator,
 )
+from wbc.hardware.worker import Job, run_job
 from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation, rotation_from
@@ -43,6 +45,23 @@ def test_the_load_of_the_feet_is_that_of_the_joints_torques(share: float) -> Non
     )
     # Not exactly: the moments on the soles are others than those of the least wrenches.
     assert controller.observe(reading).load == pytest.approx(share, abs=0.1)
+
+
+def test_a_controller_that_had_no_estimate_to_begin_with_begins_at_the_next() -> None:
+    """It commanded in the estimate's world, a metre from where the problem begins."""
+    problem = load_problem(PROBLEMS / "stand_hoap2_like.yaml")
+    robot, q = problem.parts.robot, problem.parts.start
+    n, zero = robot.nv - 6, np.zeros(3)
+    pose = q[:7] + (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0)
+    rest = np.zeros(n)
+    blind = Reading(0, 0.0, q[7:], rest, rest, rest, np.zeros(4), zero, zero)
+    seen = replace(blind, sequence=1, time=0.002, base_truth=BaseTruth(pose, np.zeros(6)))
+    controller = RobotController(
+        problem.supervisor_on_robot, TruthEstimator(robot), q, np.ones(n), np.ones(n)
+    )
+    assert run_job(controller, Job(blind, True, True, False)).no_estimate
+    answer = run_job(controller, Job(seen, False, True, False)).answer
+    assert answer is not None and answer.q == pytest.approx(q, abs=1e-9)
 
 
 def test_an_imu_may_be_mounted_anyhow_and_what_is_rejected_is_told(

@@ -255,6 +255,8 @@ class RobotController:
         WbcError
             The controller refuses it.
         """
+        if not self._is_used:  # as there was no estimate where it was to begin
+            self.begin(reading)
         q, v = self.estimator.update(reading)
         load = self._load(q, reading.torque) if waits else 1.0
         q = q.copy()
