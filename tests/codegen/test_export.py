@@ -230,6 +230,29 @@ def test_a_bus_of_another_robot_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize(
+    ("support", "controller", "said"),
+    [
+        ("double", "level: torque, dt: 0.005", "0.005 s is no multiple of the cycle"),
+        ("left", "level: torque, dt: 0.002", "begins with right in the air"),
+        ("double", "dt: 0.002", "a robot is commanded torques"),
+    ],
+)
+def test_what_no_loop_can_run_is_written_for_no_robot(
+    support: str, controller: str, said: str, tmp_path: Path
+) -> None:
+    """A tick of 5 ms was made every 6, one of 1 every 2; of velocities all torques were 0."""
+    end = "simulation" if "torque" in controller else "stop"
+    path = write(
+        tmp_path,
+        f"robot: g1\nsupport: {support}\ntasks: {{posture: {{type: posture}}}}\n"
+        f"controller: {{{controller}}}\n{end}: {{duration: 0.1}}\n",
+    )
+    with pytest.raises(InvalidInputError, match=said):
+        export_problem(path, tmp_path / "c", ticks=2, robot=profile_named("unitree_g1"))
+    assert not (tmp_path / "c").exists()
+
+
 def test_a_recorded_robot_that_fell_is_told(tmp_path: Path) -> None:
     """A single tick to compare with was the only sign of it."""
     fragile = "simulation: {duration: 0.2, falls: {tilt: 1.0e-9}}"

@@ -61,7 +61,7 @@ def export_problem(
     ProblemFileError
         The file is wrong.
     InvalidInputError
-        The problem's robot is not the one on the bus.
+        The problem's robot is not the one on the bus, or ``wbc hardware run`` would refuse it.
     OSError
         A file cannot be written.
     """

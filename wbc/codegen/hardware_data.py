@@ -11,14 +11,15 @@ from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
 from wbc.hardware.bus import RESTART_GAP
-from wbc.hardware.loop import PERIOD
+from wbc.hardware.loop import PERIOD, cycles_per_tick
 from wbc.hardware.postures import CrouchPath, PostureMotion
 from wbc.hardware.robot_controller import STIFFNESS_FADE, stance_of
 from wbc.hardware.safety import MAX_MAGNITUDE, RULES, TRANSITIONS, Fault, Mode, Safety
-from wbc.hardware.setup import motions_of, safety_of
+from wbc.hardware.setup import check_start, motions_of, safety_of
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT
 from wbc.hardware.unitree.profiles import Profile, by_pattern
 from wbc.problem import Problem
+from wbc.problem.problem import require_torque
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -52,8 +53,13 @@ class HardwareParts(NamedTuple):
         Raises
         ------
         InvalidInputError
-            A robot that cannot crouch, whose effort limits are not known, or that no gains fit.
+            A problem of the velocity level, whose period is not of whole cycles, or that does not
+            begin on all feet; a robot that cannot crouch, whose effort limits are not known, or
+            that no gains fit.
         """
+        require_torque(problem, "a robot is commanded torques")
+        check_start(problem)
+        cycles_per_tick(problem.spec.controller.dt)
         robot = problem.parts.robot
         path = CrouchPath.of(problem.parts.at_start)
         return cls(
