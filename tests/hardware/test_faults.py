@@ -364,6 +364,36 @@ def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Pat
     assert log.read_text() == "of the run before"
 
 
+@pytest.mark.skipif(
+    not (can_fork() and hasattr(os, "sched_getaffinity")), reason="processes are not pinned here"
+)
+def test_only_the_loop_is_on_the_cpu_of_the_loop(tmp_path: Path) -> None:
+    """What packs a log, and what draws it, ran there as well."""
+    rig, allowed = Rig(), os.sched_getaffinity(0)
+    before = set(multiprocessing.active_children())
+    cpu = min(allowed)
+    try:
+        loop = HardwareLoop(
+            lambda: rig.bus,
+            rig.controller,  # type: ignore[arg-type]
+            *(rig.safety, rig.loop._checks, rig.loop._motions, rig),
+            log=tmp_path / "log.npz",
+            watch=lambda ring: threading.Event().wait(60.0),  # type: ignore[arg-type,return-value]
+            priority=0,
+            cpus=(cpu,),
+        )
+        places = {
+            one.name: os.sched_getaffinity(one.pid or 0)
+            for one in set(multiprocessing.active_children()) - before
+        }
+        assert os.sched_getaffinity(0) == {cpu}
+        loop._worker.close()
+        loop._end_processes()
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert places["log"] == places["watch"] == allowed
+
+
 def test_a_second_loop_on_a_bus_is_refused_before_it_commands(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

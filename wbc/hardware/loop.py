@@ -131,7 +131,6 @@ class HardwareLoop:
             if self._forked
             else Worker(controller)
         )
-        pin(cpus[0] if cpus else None)
         rows = round((before + AFTER) / self.dt)
         self._writer = (
             None
@@ -141,6 +140,7 @@ class HardwareLoop:
         self._watcher = Watcher(self._ring, watch) if watch and self._forked else None
         if watch and self._watcher is None:
             say("nothing is shown: there is no second process here")
+        pin(cpus[0] if cpus else None)  # what writes and shows logs is elsewhere
         try:
             with real_time(priority):  # which a bus's own threads inherit
                 self.bus = bus()
