@@ -29,7 +29,7 @@ from wbc.hardware.safety import Event, Fault, ForbiddenTransition, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fork
 from wbc.kinds import one_of
-from wbc.validate import Array, finite_number
+from wbc.validate import finite_number
 
 PERIOD = 0.002  # s: of cycles
 ALLOWED_MISSES = 3  # ticks without an answer before that is a fault: contact changes take time
@@ -150,7 +150,7 @@ class HardwareLoop:
             self._end_processes()
             raise
         self._start = 0.0
-        self._state = LoopState()
+        self._state = LoopState(safety.admit(None))
         self._clock: CycleClock | None = None
         self.interrupted: Callable[[], bool] = lambda: False
 
@@ -166,11 +166,9 @@ class HardwareLoop:
         """
         if self._clock is not None:
             raise InvalidInputError("hardware: this loop has run, and ended; make another")
-        notes: tuple[str, ...] = ()
         with real_time(self._priority) as not_granted:
             self._clock = CycleClock(self.dt)
-            self._start = self._clock.due
-            notes, interrupting = not_granted, False
+            self._start, interrupting = self._clock.due, False
             try:
                 while not self._state.ended:
                     beat = self._clock.wait()
@@ -191,7 +189,7 @@ class HardwareLoop:
                 raise
             finally:
                 self._shut_down()
-        return self.result(notes)
+        return self.result(not_granted)
 
     def _shut_down(self) -> None:
         """Send damping in any case; write the pending log."""
@@ -266,8 +264,7 @@ class HardwareLoop:
     def _read(self, time: float) -> Reading | None:
         """Return the new reading, if there is a usable one."""
         state, safety = self._state, self.safety
-        fresh: Reading | None = None
-        message, why = None, ""
+        fresh, message, why = None, None, ""
         try:
             message = self.bus.read()
         except (BusError, OSError) as error:  # as without any: silence has its answer
@@ -298,7 +295,7 @@ class HardwareLoop:
     def _check_sensors(self, fresh: Reading) -> None:
         """Compare sensors with each other and with the last command."""
         state, torque = self._state, None
-        if state.command is not None and state.previous is not None and state.command.enabled:
+        if state.previous is not None and state.command.enabled:
             torque = state.command.motor_torque(state.previous.position, state.previous.velocity)
         for finding in self._checks.compared(fresh, torque):
             self.safety.report(*finding)
@@ -331,8 +328,7 @@ class HardwareLoop:
 
     def _collect_answer(self, time: float, fresh: Reading | None) -> WorkerOutcome | None:
         """Return the controller's newest answer within this cycle."""
-        state, worker = self._state, self._worker
-        newest: WorkerOutcome | None = None
+        state, worker, newest = self._state, self._worker, None
         while (outcome := worker.result(self._time_left())) is not None:
             if state.is_stale:  # to a request of the mode before
                 state.is_stale = False
@@ -369,10 +365,7 @@ class HardwareLoop:
         if motion is None or reading is None:
             return None
         if not motion.has_begun:
-            last = state.command
-            torque: Array = np.zeros(len(reading.position))
-            if last is not None:
-                torque = last.motor_torque(reading.position, reading.velocity)
+            torque = state.command.motor_torque(reading.position, reading.velocity)
             motion.begin(time, reading.position, torque)
         return motion.command(time)
 

@@ -12,14 +12,11 @@ from wbc.hardware.safety import Mode
 from wbc.hardware.worker import Job
 
 
-def _numbers() -> array[float]:
-    return array("d")
-
-
 @dataclass
 class LoopState:
     """The state of a loop, without the safety layer and the checks."""
 
+    command: Command  # the last
     reading: Reading | None = None
     last_reading_time: float = -math.inf  # arrival of the last usable reading
     previous: Reading | None = None  # the usable reading before
@@ -36,7 +33,6 @@ class LoopState:
     time: float = 0.0  # of this cycle
     answer: ControllerAnswer | None = None
     error: str = ""  # the controller's last error in place of an answer
-    command: Command | None = None
     sequence: int = 0
     mode: Mode = Mode.IDLE
     mode_start: float = 0.0
@@ -52,5 +48,6 @@ class LoopState:
     notes: tuple[str, ...] = ()
     missed: int = 0
     silence_reported: bool = False  # whether the operator was told of the silence
-    lateness: array[float] = field(default_factory=_numbers)  # of all cycles: 14 MB an hour
-    seconds: array[float] = field(default_factory=_numbers)
+    # Of all cycles: 14 MB an hour.
+    lateness: array[float] = field(default_factory=lambda: array("d"))
+    seconds: array[float] = field(default_factory=lambda: array("d"))  # of all ticks
