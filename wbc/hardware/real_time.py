@@ -16,7 +16,7 @@ from typing import NamedTuple
 from wbc.errors import InvalidInputError
 from wbc.validate import finite_number
 
-TIMER_ABSTIME = 1  # TIMER_ABSTIME
+TIMER_ABSTIME = 1
 MLOCK_ALL = 3  # MCL_CURRENT | MCL_FUTURE
 # s of busy waiting at the end of each sleep: a sleeping processor wakes up late.
 SPIN_TIME = 2e-4
@@ -102,27 +102,26 @@ class CycleClock:
     ----------
     dt:
         Period [s].
+
+    Attributes
+    ----------
+    due:
+        Planned beginning of the next cycle [s].
     """
 
     def __init__(self, dt: float) -> None:
-        self.dt = finite_number("clock, dt", dt, above=0.0)
-        self._due = now()
-
-    @property
-    def due(self) -> float:
-        """Planned beginning of the next cycle [s]."""
-        return self._due
+        self.dt, self.due = finite_number("clock, dt", dt, above=0.0), now()
 
     def wait(self) -> Beat:
         """Sleep until the next cycle; return its beginning.
 
         Cycles whose whole period has passed are skipped, not caught up on.
         """
-        sleep_until(self._due)
+        sleep_until(self.due)
         start = now()
-        lateness = start - self._due
+        lateness = start - self.due
         missed = int(lateness / self.dt)
-        self._due += (missed + 1) * self.dt
+        self.due += (missed + 1) * self.dt
         return Beat(start, lateness, missed)
 
 

@@ -26,7 +26,7 @@ from wbc.validate import Array, finite_number
 
 FORMAT = "wbc hardware log 1"
 LOOP_KILLED = "the loop's process is gone"
-BYTES = 8  # bytes
+BYTES = 8  # of a number
 
 
 class RingLog:
@@ -154,9 +154,8 @@ class LogWriter:
         number = len(self.written) + len(self.errors)
         stem = self._path.stem if number == 0 else f"{self._path.stem}-{number}"
         path = self._path.with_name(f"{stem}.npz")
-        content: dict[str, Any] = {**self._ring.arrays(self._rows)}
-        content |= {"events": np.array([*events, ""][: max(len(events), 1)]), "about": about}
-        content["made_of"] = self._made_of
+        content: dict[str, Any] = {**self._ring.arrays(self._rows), "made_of": self._made_of}
+        content |= {"events": np.array(events or [""]), "about": about}
         try:
             write_arrays(path, content)
         except OSError as error:

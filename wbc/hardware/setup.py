@@ -84,7 +84,7 @@ class Where(NamedTuple):
         if self.bus == "udp":
             own, to = READING_PORT + 2 * self.domain, COMMAND_PORT + 2 * self.domain
             return UdpBus(len(robot.joint_names), self.address, port=own, robot_port=to)
-        self._check()
+        one_of("bus", self.bus, BUSES)
         from wbc.hardware.unitree.dds import UnitreeBus
 
         return UnitreeBus(profile, robot, self.interface, self.domain)
@@ -94,13 +94,10 @@ class Where(NamedTuple):
         if self.bus == "udp":
             own, to = COMMAND_PORT + 2 * self.domain, READING_PORT + 2 * self.domain
             return UdpRobotBus(len(robot.joint_names), self.address, port=own, controller_port=to)
-        self._check()
+        one_of("bus", self.bus, BUSES)
         from wbc.hardware.unitree.dds import UnitreeRobotBus
 
         return UnitreeRobotBus(profile, robot, self.interface, self.domain)
-
-    def _check(self) -> None:
-        one_of("bus", self.bus, BUSES)
 
 
 def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:

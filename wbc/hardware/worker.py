@@ -132,8 +132,7 @@ class ForkedWorker:
         """End the process, by force if it hangs; return the supervisor's notes."""
         notes: Sequence[str] = ()
         try:
-            while self.result(EXIT_TIMEOUT) is not None:
-                pass
+            self.result(EXIT_TIMEOUT)
             if not self.busy:
                 self._pipe.send(None)
                 if self._pipe.poll(EXIT_TIMEOUT):

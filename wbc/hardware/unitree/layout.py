@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Record = NDArray[np.void]
 CDR_HEAD = bytes((0, 1, 0, 0))  # plain CDR, little endian, no options
 _REVERSED = np.array([int(f"{k:08b}"[::-1], 2) for k in range(256)], dtype=np.uint8)
 
