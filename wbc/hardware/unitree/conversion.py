@@ -43,7 +43,7 @@ class Converter:
         self.profile, self.order = profile, profile.order(robot)
         self.state, self.command = LAYOUTS[profile.family]
         self.mode_machine = 0  # from the robot's messages; its commands must repeat it
-        self._numbered = profile.family == "hg"  # has spare words for a sequence number
+        self._is_hg = profile.family == "hg"
 
     # ------------------------------------------------------------------ the controller's end
 
@@ -53,7 +53,7 @@ class Converter:
         if not layout.is_sound(data):
             return None
         tick = int(layout.view(data, "tick")[0])
-        if self._numbered:
+        if self._is_hg:
             self.mode_machine = int(layout.view(data, "mode_machine")[0])
         keys = layout.view(data, "wireless_remote")[list(KEY_BYTES)]
         quaternion = layout.view(data, "imu_state.quaternion").astype(float)
@@ -75,18 +75,17 @@ class Converter:
 
         The sequence number is in the first spare word, which only ``wbc hardware sim`` reads.
         """
-        layout = self.command
-        data = layout.zeros()
-        c, modes = command, np.full(len(self.order), ENABLED * command.enabled)
+        layout, c = self.command, command
+        data, modes = layout.zeros(), np.full(len(self.order), ENABLED * c.enabled)
         motors = {"mode": modes, "q": c.position, "dq": c.velocity, "tau": c.torque}
         self._set_motors(layout, data, {**motors, "kp": c.kp, "kd": c.kd})
-        if self._numbered:
+        if self._is_hg:
             layout.view(data, "mode_pr")[0] = self.profile.mode_pr
             layout.view(data, "mode_machine")[0] = self.mode_machine
         else:
             layout.view(data, "head")[:] = GO_HEAD
             layout.view(data, "level_flag")[0] = GO_LOW_LEVEL
-        layout.view(data, "reserve")[0] = command.sequence & 0xFFFFFFFF
+        layout.view(data, "reserve")[0] = c.sequence & 0xFFFFFFFF
         layout.seal(data)
         return data
 
@@ -107,18 +106,16 @@ class Converter:
 
     def low_state(self, reading: Reading) -> bytearray:
         """Return the CDR bytes of a LowState."""
-        layout = self.state
-        data = layout.zeros()
-        r = reading
+        layout, r = self.state, reading
+        data, quaternion = layout.zeros(), r.quaternion[WXYZ]
         motors = {"q": r.position, "dq": r.velocity, "tau_est": r.torque}
         self._set_motors(layout, data, {**motors, "temperature": r.temperature})
-        quaternion = reading.quaternion[WXYZ]
         layout.view(data, "imu_state.quaternion")[:] = quaternion
-        layout.view(data, "imu_state.gyroscope")[:] = reading.angular_velocity
-        layout.view(data, "imu_state.accelerometer")[:] = reading.specific_force
+        layout.view(data, "imu_state.gyroscope")[:] = r.angular_velocity
+        layout.view(data, "imu_state.accelerometer")[:] = r.specific_force
         layout.view(data, "imu_state.rpy")[:] = _roll_pitch_yaw(quaternion.tolist())
-        layout.view(data, "tick")[0] = round(reading.time / TICK) & 0xFFFFFFFF
-        if reading.stop:
+        layout.view(data, "tick")[0] = round(r.time / TICK) & 0xFFFFFFFF
+        if r.stop:
             remote = layout.view(data, "wireless_remote")
             for at, bit in (L2, B):
                 remote[KEY_BYTES[at]] |= bit
