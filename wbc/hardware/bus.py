@@ -38,6 +38,12 @@ class BaseTruth:
     velocity: Array
 
 
+# What is measured of joints and by the IMU, by names in a reading.
+JOINT_ROWS = ("position", "velocity", "torque", "temperature")
+IMU_ROWS = ("quaternion", "angular_velocity", "specific_force")
+ROWS = (*JOINT_ROWS, *IMU_ROWS)
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """One message of a robot, as it came, not checked yet.
@@ -77,19 +83,13 @@ class Reading:
     base_truth: BaseTruth | None = None
 
     def __post_init__(self) -> None:
-        for name in _ROWS:
+        for name in ROWS:
             given = getattr(self, name)
             if not isinstance(given, np.ndarray):  # lists, as drivers make them
                 with suppress(TypeError, ValueError):  # what is no row of numbers is found later
                     object.__setattr__(self, name, np.asarray(given, dtype=float))
         if isinstance(self.sequence, np.integer):  # whose differences wrap around
             object.__setattr__(self, "sequence", int(self.sequence))
-
-
-_ROWS = (
-    *("position", "velocity", "torque", "temperature"),
-    *("quaternion", "angular_velocity", "specific_force"),
-)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.hardware.bus import Command, Reading
+from wbc.hardware.bus import IMU_ROWS, JOINT_ROWS, ROWS, Command, Reading
 from wbc.hardware.loop_state import LoopState
 from wbc.hardware.real_time import Beat
 from wbc.hardware.safety import Fault, Mode, Safety
@@ -16,10 +16,6 @@ from wbc.validate import Array
 
 MODES = tuple(Mode)
 FAULTS = tuple(Fault)
-# Measured quantities of a reading.
-JOINTS = ("position", "velocity", "torque", "temperature")
-IMU = ("quaternion", "angular_velocity", "specific_force")
-READ = (*JOINTS, *IMU)
 
 
 def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
@@ -27,9 +23,10 @@ def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
     single = ("time", "lateness", "mode", "faults", "sequence", "robot_time", "stop")
     asked = ("asked", "asked_about", "answer_to", "answer_time", "standing")
     commanded = ("command_position", "command_velocity", "command_torque", "kp", "kd")
-    many = (*JOINTS, *commanded, "answer_velocity", "answer_torque")
+    many = (*JOINT_ROWS, *commanded, "answer_velocity", "answer_torque")
     fields = dict.fromkeys((*single, *asked), 1) | dict.fromkeys(many, joints)
-    return fields | dict(zip(IMU, (4, 3, 3), strict=True)) | {"deviations": 4, "q": nq, "v": nv}
+    fields |= zip(IMU_ROWS, (4, 3, 3), strict=True)
+    return fields | {"deviations": 4, "q": nq, "v": nv}
 
 
 def log_row(
@@ -54,7 +51,7 @@ def log_row(
     reading, answer = state.reading, state.answer
     if reading is not None:
         values |= {"sequence": reading.sequence, "robot_time": reading.time, "stop": reading.stop}
-        values |= {name: getattr(reading, name) for name in READ}
+        values |= {name: getattr(reading, name) for name in ROWS}
     if state.request is not None:
         values["asked"] = request_bits(state.request)
         values["asked_about"] = state.request.reading.sequence
@@ -82,7 +79,7 @@ def request_of(row: Mapping[str, Array], reading: Reading) -> Job:
 def reading_of(row: Mapping[str, Array]) -> Reading:
     """Return the reading in a row."""
     number, time, stop = int(row["sequence"]), float(row["robot_time"]), bool(row["stop"])
-    q, v, torque, heat, quaternion, spin, force = (np.array(row[name]) for name in READ)
+    q, v, torque, heat, quaternion, spin, force = (np.array(row[name]) for name in ROWS)
     return Reading(number, time, q, v, torque, heat, quaternion, spin, force, stop)
 
 

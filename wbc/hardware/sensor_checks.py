@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.hardware.bus import RESTART_GAP, Reading, rows_of
+from wbc.hardware.bus import JOINT_ROWS, RESTART_GAP, Reading, rows_of
 from wbc.hardware.safety import Fault
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
@@ -142,11 +142,9 @@ class SensorChecks:
             what = f"not of {len(self._names)} joints" if joints is None else "IMU"
             return SensorFinding(Fault.NOT_FINITE, what)
         if not (np.isfinite(joints).all() and np.isfinite([*turns.flat, *imu.flat, r.time]).all()):
-            rows = ("position", "velocity", "torque", "temperature")
-            invalid = [
-                name for name, row in zip(rows, joints, strict=True) if not np.isfinite(row).all()
-            ]
-            return SensorFinding(Fault.NOT_FINITE, ", ".join(invalid) or "IMU or time")
+            rows = zip(JOINT_ROWS, joints, strict=True)
+            wrong = [name for name, row in rows if not np.isfinite(row).all()]
+            return SensorFinding(Fault.NOT_FINITE, ", ".join(wrong) or "IMU or time")
         return self._check_time(r.time, now) or self._check_range(r) or self._check_jump(r)
 
     def _check_time(self, time: float, now: float) -> SensorFinding | None:
@@ -250,11 +248,10 @@ class SensorChecks:
 
     def _check_frozen(self, r: Reading) -> list[SensorFinding]:
         last = self._window[-1] if self._window else None
-        imu = (r.angular_velocity, r.specific_force)
-        previous = imu if last is None else (last.angular_velocity, last.specific_force)
+        rows = (("gyroscope", "angular_velocity"), ("accelerometer", "specific_force"))
         found = list[SensorFinding]()
-        for k, name in enumerate(("gyroscope", "accelerometer")):
-            if last is None or not np.array_equal(previous[k], imu[k]):
+        for k, (name, row) in enumerate(rows):
+            if last is None or not np.array_equal(getattr(last, row), getattr(r, row)):
                 self._last_change[k] = r.time
             elif r.time - self._last_change[k] > FROZEN_TIME:
                 found.append(SensorFinding(Fault.IMU_FROZEN, name))
