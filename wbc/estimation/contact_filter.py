@@ -133,8 +133,8 @@ class ContactFilter:
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of the arrays that the core writes, for memory that is allocated elsewhere."""
-        sizes = self._x.size, self._P.size, self._scratch.size
-        return dict(zip(("FILTER_X", "FILTER_P", "FILTER_SCRATCH"), sizes, strict=True))
+        x, P, scratch = self._x.size, self._P.size, self._scratch.size
+        return {"FILTER_X": x, "FILTER_P": P, "FILTER_SCRATCH": scratch}
 
     # ------------------------------------------------------------------ state
 
@@ -212,11 +212,10 @@ class ContactFilter:
         parts |= {"gyroscope_bias": gyroscope_bias, "accelerometer_bias": accelerometer_bias}
         numbers = [finite_array(f"filter, {name}", one, (3,)) for name, one in parts.items()]
         state = np.concatenate((R.ravel(), *numbers))
-        P = None
+        P = ffi.NULL
         if covariance is not None:
-            P = _covariance("filter, covariance", covariance, STATE_SIZE)
-        pointer = ffi.NULL if P is None else doubles(P)
-        lib.wbc_filter_reset(self.struct, doubles(state), pointer)
+            P = doubles(_covariance("filter, covariance", covariance, STATE_SIZE))
+        lib.wbc_filter_reset(self.struct, doubles(state), P)
 
     def predict(self, rate: Array, force: Array, dt: float, scale: float = 1.0) -> None:
         """Predict over ``dt`` [s] with the mean angular velocity and specific force (3,) over it.

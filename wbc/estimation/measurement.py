@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
@@ -87,7 +87,7 @@ class Measurement:
     torques: Array | None = None
     imus: tuple[ImuReading, ...] = ()
     contacts: Mapping[str, bool] | None = None
-    forces: Mapping[str, float] | None = field(default=None)
+    forces: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         positions = real_array("measurement, positions", self.positions).shape

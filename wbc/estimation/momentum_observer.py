@@ -82,11 +82,10 @@ class MomentumObserver:
         ends = np.cumsum(list(sizes.values())).tolist()
         parts = dict(zip(sizes, np.split(self._memory, ends), strict=False))
         self._residual, self._wrenches = parts["residual"], parts["wrenches"].reshape(k, 6)
-        scratch = 13 * tree.joints + 17 * nv
         made = {
             "state": np.zeros(tree.frames),
             "frames": np.zeros(max(k, 1) * tree.frame_size),
-            "scratch": np.zeros(scratch),
+            "scratch": np.zeros(13 * tree.joints + 17 * nv),
             "known": self._memory[-1:],  # whether a state was taken in
         }
         n = nv - BASE_NV

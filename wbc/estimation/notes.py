@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import MutableMapping, Sequence
+from itertools import groupby
 
 from wbc.errors import listed
 from wbc.estimation.core import EstimatorCore
@@ -39,30 +40,22 @@ def notes_of(core: EstimatorCore, imus: Names, joints: Names, feet: Names) -> tu
     """Return the notes of the last message."""
     count = int(core.event[0])
     events = core.event[1 : 1 + 2 * count].reshape(count, 2).tolist()
-    notes, jumped = list[str](), list[str]()
-    for (kind, index), value in zip(events, core.detail[:count].tolist(), strict=True):
-        if kind == lib.JOINT_JUMPED:
-            jumped.append(joints[index])
+    notes, told = list[str](), zip(events, core.detail[:count].tolist(), strict=True)
+    for have_jumped, same in groupby(told, lambda one: one[0][0] == lib.JOINT_JUMPED):
+        if have_jumped:
+            jumped = [joints[index] for (_, index), _ in same]
+            notes.append(f"joint {listed(jumped)}: position jumped; held")
             continue
-        if jumped:
-            notes.append(_held_note(jumped))
-        if kind == lib.TAKES_OVER:
-            silent_imu, next_imu = (imus[k] for k in divmod(index, lib.MOST_IMUS))
-            notes.append(f"IMU {silent_imu!r}: silent for {value:.0f} ms; {next_imu!r} takes over")
-        elif kind == lib.NO_LOADS:
-            notes.append(NO_LOADS)
-        else:
-            names = imus if kind in IMU_EVENTS else feet
-            notes.append(TEXTS[kind].format(names[index], value))
-    if jumped:
-        notes.append(_held_note(jumped))
+        for (kind, index), value in same:
+            if kind == lib.TAKES_OVER:
+                silent, next_ = (imus[k] for k in divmod(index, lib.MOST_IMUS))
+                notes.append(f"IMU {silent!r}: silent for {value:.0f} ms; {next_!r} takes over")
+            elif kind == lib.NO_LOADS:
+                notes.append(NO_LOADS)
+            else:
+                names = imus if kind in IMU_EVENTS else feet
+                notes.append(TEXTS[kind].format(names[index], value))
     return tuple(notes)
-
-
-def _held_note(jumped: list[str]) -> str:
-    text = f"joint {listed(jumped)}: position jumped; held"
-    jumped.clear()
-    return text
 
 
 def count_notes(told: MutableMapping[str, int], notes: Sequence[str]) -> None:
