@@ -64,7 +64,9 @@ def run_batch(
     waiting = [run for run in campaign.runs if run.number not in rows]
     if waiting:
         told = partial(_tell_death, campaign.runs, on_death or (lambda text: None))
-        with _pool(min(workers, len(waiting)), cluster, told) as pool:
+        here = min(workers, len(waiting))
+        pool = Workers(_runner, here, told) if cluster is None else Cluster(cluster, told)
+        with pool:
             before = len(rows)
             for row in _new_rows(campaign, waiting, pool, cancelled or (lambda: False)):
                 if row["run"] in rows:
@@ -76,10 +78,6 @@ def run_batch(
                     done = len(rows)
                     progress(BatchProgress(done, len(campaign.runs), done - before, row))
     return [rows[number] for number in sorted(rows)]
-
-
-def _pool(workers: int, cluster: str | None, told: Callable[[Death], object]) -> Workers | Cluster:
-    return Workers(_runner, workers, told) if cluster is None else Cluster(cluster, told)
 
 
 def _runner() -> Callable[..., Row]:
