@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.codegen.c_text import comment, identifier
+from wbc.codegen.c_text import comment
 from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
@@ -224,9 +224,8 @@ def _struct_text(name: str, struct: Any, pointers: dict[str, str]) -> str:
 
 
 def _enumerated(kind: str, names: type[Mode] | type[Fault]) -> list[str]:
-    taken = set[str]()
-    found = [identifier(f"WBC_{kind}_{one.name}", taken) for one in names]
-    return [f"enum wbc_{kind} {{", *(f"    {one}," for one in found), "};"]
+    found = [f"    WBC_{kind.upper()}_{one.name}," for one in names]
+    return [f"enum wbc_{kind} {{", *found, "};"]
 
 
 def _names(kind: str, names: type[Mode] | type[Fault]) -> str:

@@ -73,6 +73,7 @@ def plan_source(recording: TickRecording, title: str) -> str:
     pointers = {
         "tree": "&tree",
         "block": "block",
+        "force": "0",  # nothing is touched: an arm, or a robot in the air
         # C knows no arrays without entries.
         **{name: name if array.size else "0" for name, array in arrays.items()},
         **dict.fromkeys(_RUNTIME, "0"),
@@ -85,8 +86,6 @@ def plan_source(recording: TickRecording, title: str) -> str:
     if memory.forces is not None and memory.forces.count:
         pointers["force"] = "force"
         parts.append(_list("force", memory.forces.structs))
-    else:  # nothing is touched: an arm, or a robot in the air
-        pointers["force"] = "0"
     if margin is not None:
         pointers["margin"] = "&margin"
         parts += struct_texts("pairs", margin.watched, margin.known.pairs.arrays)

@@ -95,7 +95,7 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
         return 0;
     }
     for (int j = 0; j < WBC_JOINTS; j++) {
-        /* Half of the velocity limit beyond what was measured: the limits alone allow 0.06 rad. */
+        /* 5 rad/s beyond what was measured: the limits alone allow 0.06 rad. */
         const double measured = fabs(last->velocity[j]) + 5.0;
         const double reach =
             WBC_POSITION_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
