@@ -34,7 +34,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Bus, BusError, Reading
 from wbc.hardware.loop import PROBLEM_BEGINS, HardwareLoop
 from wbc.hardware.operator import Keyboard, Script, Wish
-from wbc.hardware.real_time import CycleClock, check_cpus
+from wbc.hardware.real_time import Beat, CycleClock, check_cpus
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
 from wbc.hardware.safety import RULES, TRANSITIONS, Event, Fault, Mode
 from wbc.hardware.worker import ForkedWorker, Job, can_fork
@@ -433,6 +433,24 @@ def test_an_interrupt_ends_a_loop_that_commands_nothing() -> None:
     assert rig.loop.run(most=5.0).reason == "interrupted"
     with pytest.raises(InvalidInputError, match="this loop has run"):
         rig.loop.run(most=5.0)  # it returned the first result
+
+
+def test_an_interrupt_makes_a_robot_sit_down_whoever_its_operator_is(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ran on: the loop only said so, and left it to the operator of the command line."""
+    began = rig.time
+
+    def wait() -> Beat:
+        rig.bus.move(rig.time)
+        rig.time += DT
+        return Beat(rig.time - DT, 0.0, 0)
+
+    clock = SimpleNamespace(due=began, wait=wait)
+    monkeypatch.setattr("wbc.hardware.loop.CycleClock", lambda dt: clock)
+    rig.loop.interrupted = lambda: rig.time > began + 0.1
+    assert rig.loop.run(most=3.0).reason == "interrupted"
+    assert [one.mode for one in rig.safety.events][-3:] == [Mode.SOFT_STOP, Mode.DAMPING, Mode.STOP]
 
 
 def test_commands_that_cannot_be_sent_stop_it(rig: Rig) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -120,7 +120,7 @@ def run(
         say=say,
     )
     with noted_interrupts(hangup=True) as interrupts:
-        loop.interrupted = lambda: _sit_on_interrupt(interrupts, operator, Wish.SIT)
+        loop.interrupted = interrupts
         result = loop.run()
     loop.bus.close()
     voice.shutdown()
@@ -129,13 +129,6 @@ def run(
         raise typer.Exit(interrupts.exit_code)
     good = result.good and not (unattended is not None and result.hung)
     raise typer.Exit(0 if good else STOPPED)
-
-
-def _sit_on_interrupt(interrupts: Any, operator: Any, wish: Any) -> bool:
-    if not interrupts():
-        return False
-    operator.ask(wish)
-    return True
 
 
 def _printer(voice: Executor) -> Callable[[str], None]:

@@ -177,6 +177,7 @@ class HardwareLoop:
                         interrupting = True
                         if self.safety.mode not in PASSIVE_MODES:
                             self._say("interrupted: it sits down; Ctrl-C, once more: it stops")
+                            self._grant(Wish.SIT, beat.time, is_up=False)
                     if interrupting and self.safety.mode in PASSIVE_MODES:
                         self._state.ended = "interrupted"
                     if beat.time - self._start > most:
