@@ -251,7 +251,12 @@ def test_dds_takes_each_command_once_and_the_newest_reading(
         bus.close()
 
 
-def test_another_robot_is_refused_by_its_joints(robot_named: object) -> None:
+def test_another_robot_is_refused_by_its_joints(g1: Robot) -> None:
+    """Of two joints with one motor the last one's commands were sent, in silence."""
+    profile = profile_named("unitree_g1")
+    motors = {**profile.motors, "left_knee_joint": profile.motors["right_knee_joint"]}
+    with pytest.raises(InvalidInputError, match="one motor for joints left_knee_joint, right_knee"):
+        replace(profile, motors=motors).order(g1)
     with pytest.raises(InvalidInputError, match=r"no motor for joint .*; lock them"):
         profile_named("unitree_g1").order(Robot.load("hoap2_like"))
     with pytest.raises(UnknownNameError, match="did you mean 'unitree_g1'"):

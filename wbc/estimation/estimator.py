@@ -60,6 +60,8 @@ class StateEstimator:
         averaged with it, to one in their middle; others are backups. By default one at the base.
     settings:
         By default those of :class:`~wbc.estimation.EstimatorSettings`.
+    dt:
+        Time between messages [s].
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ class Profile:
         Raises
         ------
         InvalidInputError
-            Joints without a motor, or two with one.
+            Joints without a motor, or several with the same.
         """
         names = robot.joint_names
         without = [name for name in names if name not in self.motors]
@@ -89,7 +89,11 @@ class Profile:
                 f"{self.name}: no motor for joint {listed(without)} of {robot.name}; lock them, or"
                 f" take its model {self.model!r}"
             )
-        return np.array([self.motors[name] for name in names], dtype=np.int64)
+        order = [self.motors[name] for name in names]
+        shared = [name for name, motor in zip(names, order, strict=True) if order.count(motor) > 1]
+        if shared:
+            raise InvalidInputError(f"{self.name}: one motor for joints {listed(shared)}")
+        return np.array(order, dtype=np.int64)
 
 
 def by_pattern(robot: Robot, table: Mapping[str, float]) -> Array:
