@@ -20,6 +20,7 @@ from wbc.estimation import (
     Measurement,
     StateEstimator,
 )
+from wbc.estimation.notes import count_notes
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation, log_rotation, quaternion_from, rotation_from
 from wbc.validate import Array
@@ -563,6 +564,18 @@ def test_a_message_that_is_refused_is_not_taken_in_again(
             tried.update(changed(refused, contacts={"left": True}))
     found = fed(tried, [*sent[303:305], sent[301], sent[305]])
     assert found.q.tobytes() == expected.q.tobytes()
+
+
+def test_notes_are_counted_without_their_numbers_but_by_names_with_theirs() -> None:
+    """Which of ``LLEG_JOINT0`` to ``5`` had jumped was not told."""
+    told, held = dict[str, int](), "position jumped; held"
+    for joint, ms in ((0, 12.5), (1, 3), (0, 40)):
+        count_notes(told, [f"joint LEG_{joint}: {held}", f"IMU 'imu2': silent for {ms} ms"])
+    assert told == {
+        f"joint LEG_0: {held}": 2,
+        f"joint LEG_1: {held}": 1,
+        "IMU 'imu2': silent for # ms": 3,
+    }
 
 
 def test_a_base_whose_x_axis_points_up_has_the_heading_that_is_told(

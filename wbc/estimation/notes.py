@@ -28,7 +28,7 @@ TEXTS = {
     lib.FEET_APART: "{0} foot slips: feet are {1:.1f} mm nearer or farther; not counted on",
 }
 IMU_EVENTS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD, lib.GAP)
-NUMBER = re.compile(r"\d+(\.\d+)?")
+NUMBER = re.compile(r"\b\d+(\.\d+)?")  # not those in names
 MAX_KINDS = 5
 NO_LOADS = "no contacts, forces or torques: all feet are taken to bear always"
 
