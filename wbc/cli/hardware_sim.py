@@ -75,6 +75,7 @@ def sim(
     pushes = [_push_of(one) for one in push or ()]
     loaded, profile = Robot.load(model, armature=armature), profile_named(robot)
     settings = RobotSettings(truth=truth, gantry=not no_gantry, patience=patience)
+    slow_down(slower)
     with real_time(priority):  # which the bus's own threads inherit
         end = Where(bus, interface, domain).open_robot(profile, loaded)
     try:
@@ -85,7 +86,6 @@ def sim(
         end.close()
         raise
     pin(cpu)
-    slow_down(slower)
     with noted_interrupts(hangup=True) as interrupts:
         if not quiet:
             typer.echo(f"{loaded.name} on {bus} {interface}: ready")
