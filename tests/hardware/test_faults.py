@@ -477,30 +477,20 @@ def test_a_bus_that_fails_stops_it_in_words(
     assert rig.safety.counts[Fault.BUS_FAILED] == 0 and "gone" in rig.loop.result().reason
 
 
-def test_an_error_of_an_operator_leaves_a_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("part", "name"), [("_operator", "wish"), ("bus", "write")])
+def test_an_error_of_an_operator_or_a_bus_leaves_a_log_and_no_controller(
+    part: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = Rig(log=str(tmp_path / "log.npz"))  # type: ignore[arg-type]  # of text, too
+    """A bus's came once more from the last commands, before log and controller were closed."""
+    rig, closed = Rig(log=str(tmp_path / "log.npz")), list[str]()  # type: ignore[arg-type]
     rig.start()
-    monkeypatch.setattr(rig.loop._operator, "wish", lambda status: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        rig.loop.run(most=1.0)
-    result = rig.loop.result()
-    assert "ZeroDivisionError: division by zero" in result.reason and result.logs
-    assert rig.bus.command.is_passive and rig.safety.mode is Mode.STOP
-
-
-def test_an_error_of_a_bus_of_ones_own_leaves_a_log_and_no_processes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It came once more from the last commands: the controller was left, and a process waited."""
-    rig, closed = Rig(log=tmp_path / "log.npz"), list[str]()
-    rig.start()
-    monkeypatch.setattr(rig.bus, "write", lambda command: 1 / 0)
+    monkeypatch.setattr(getattr(rig.loop, part), name, lambda given: 1 / 0)
     monkeypatch.setattr(rig.loop._worker, "close", lambda: closed.append("closed") or ())
     with pytest.raises(ZeroDivisionError):
         rig.loop.run(most=1.0)
-    assert rig.loop.result().logs and closed
+    result = rig.loop.result()
+    assert "ZeroDivisionError: division by zero" in result.reason and result.logs and closed
+    assert rig.safety.mode is Mode.STOP and (part == "bus" or rig.bus.command.is_passive)
 
 
 def test_words_are_wishes_and_others_are_refused(rig: Rig) -> None:

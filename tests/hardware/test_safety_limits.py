@@ -28,8 +28,8 @@ def reading(**changed: Any) -> Reading:
     return replace(made, **changed)
 
 
-def standing_up() -> Safety:
-    safety = Safety(LIMITS, np.ones(N), DT)
+def standing_up(limits: SafetyLimits = LIMITS) -> Safety:
+    safety = Safety(limits, np.ones(N), DT)
     safety.arm(0.0)
     safety.measured(reading())
     safety.stand_up(0.0)
@@ -165,10 +165,7 @@ def test_reading_with_nan_is_a_fault_and_reaches_no_command(position: Any, veloc
 @pytest.mark.parametrize("name", ["position", "velocity"])
 def test_huge_command_of_joints_without_limits_is_a_fault_and_no_nan(name: str) -> None:
     free = np.full(N, np.inf)
-    safety = Safety(replace(LIMITS, lower=-free, upper=free, velocity=free), np.ones(N), DT)
-    safety.arm(0.0)
-    safety.measured(reading())
-    safety.stand_up(0.0)
+    safety = standing_up(replace(LIMITS, lower=-free, upper=free, velocity=free))
     zero, gains = np.zeros(N), np.full(N, 10.0)
     before = safety.admit(Command(1, zero, zero, zero, gains, gains))
     wild = replace(before, **{name: np.full(N, 1e308)})
