@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.constraints.collision import SelfCollision
@@ -11,7 +10,7 @@ from wbc.controllers.blocks import native_rows_of
 from wbc.controllers.core_plan import TOLERANCE, CorePlan, core_solves
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
-from wbc.native.rows import Kind, NativeRows
+from wbc.native.rows import Kind
 from wbc.qp.active_set import NAME, ActiveSet
 from wbc.robot.names import COM
 from wbc.tasks import InertiaTask
@@ -70,10 +69,8 @@ def _unsupported(controller: Controller) -> str | None:
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):
-        rows = native_rows_of(task, torque)
-        python = isinstance(task, ForceTask) or rows is None or _is_seen_from(rows)
-        if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
-            return _reason_of(task, torque)
+        if (unknown := _unknown_of(task, torque)) is not None:
+            return unknown
     # The core has a margin where the only constraint is a self-collision that it knows.
     if controller.constraints and controller.core.margin is None:
         for one in controller.constraints:
@@ -84,30 +81,22 @@ def _unsupported(controller: Controller) -> str | None:
     return None
 
 
-def _is_seen_from(rows: Sequence[NativeRows]) -> bool:
-    """Whether rows are of a frame as seen from another, whose targets exported C cannot set."""
-    return any(one.kind == Kind.RELATIVE for one in rows)
-
-
-def _is_second_order(task: Task) -> bool:
-    """Whether its curvature goes into the cost: rows are kept for that, which C has no room for."""
-    return isinstance(task, InertiaTask) and task.second_order
-
-
-def _reason_of(task: Task, torque: bool) -> str:
-    """Return why a task is not known."""
-    what = f"task {task.name!r}"
+def _unknown_of(task: Task, torque: bool) -> str | None:
+    """Return what the core does not know of a task, in words; None if nothing is found."""
+    what, rows = f"task {task.name!r}", native_rows_of(task, torque)
     if isinstance(task, ForceTask):
         return f"{what}, which is about forces"
     if not torque and task.singular_threshold > 0.0:
         return f"the singular_threshold of {what}; leave it out"
-    if _is_second_order(task):
-        return f"second_order of {what}; leave it out"
-    if isinstance(task, InertiaTask) and task.about != COM:
-        return f"an inertia about {task.about!r}, as {what} has it; leave about out"
-    rows = task.native()
-    if rows is None:
+    if isinstance(task, InertiaTask):
+        if not torque and task.second_order:  # rows are kept for that, which C has no room for
+            return f"second_order of {what}; leave it out"
+        if task.about != COM:
+            return f"an inertia about {task.about!r}, as {what} has it; leave about out"
+    if rows is None and task.native() is None:
         return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
-    if _is_seen_from(rows):
+    if rows is None:
+        return f"the law of {what}"
+    if any(one.kind == Kind.RELATIVE for one in rows):  # whose targets exported C cannot set
         return f"the pose of {what}, as it is seen from another frame"
-    return f"the law of {what}"
+    return None
