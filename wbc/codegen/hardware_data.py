@@ -163,10 +163,7 @@ def data_source(parts: HardwareParts, title: str) -> str:
     nothing = {"held", "x", "P", "scratch", "origin"}
     momentum = {name: f"momentum_{name}" for name in observer.given}
     estimator = {name: f"estimator_{name}" for name in given}
-    profile = parts.profile
-    kp, kd, following = (
-        by_pattern(robot, one) for one in (profile.stiffness, profile.holding, profile.following)
-    )
+    gains = {name: getattr(parts.profile, name) for name in ("stiffness", "holding", "following")}
     middle, heading = stance_of(robot, parts.start)
     arrays = {name: getattr(limits, name) for name in _LIMITS}
     fields = [f"    .{name} = {_initialiser(array)},\n" for name, array in arrays.items()]
@@ -209,9 +206,7 @@ def data_source(parts: HardwareParts, title: str) -> str:
             _names("fault", Fault),
             _doubles("crouch[WBC_POSTURES][WBC_JOINTS]", parts.path.joints),
             _doubles("bearing[WBC_POSTURES][WBC_JOINTS]", parts.path.torques),
-            _doubles("stiffness[WBC_JOINTS]", kp),
-            _doubles("holding[WBC_JOINTS]", kd),
-            _doubles("following[WBC_JOINTS]", following),
+            *(_doubles(f"{name}[WBC_JOINTS]", by_pattern(robot, k)) for name, k in gains.items()),
             _doubles("begin_stance[3]", middle),
             f"const double wbc_begin_heading = {number_text(heading)};",
             "",
