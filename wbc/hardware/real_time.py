@@ -72,7 +72,7 @@ def _libc() -> ctypes.CDLL:
 
 
 def drop_real_time() -> None:
-    """Give up the real-time priority inherited from the process that forked this one."""
+    """Give up the real-time priority, as one inherited from the process that forked this one."""
     if hasattr(os, "sched_setscheduler"):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
@@ -176,7 +176,7 @@ def real_time(priority: int) -> Iterator[tuple[str, ...]]:
         gc.enable()
         gc.unfreeze()
         sys.setswitchinterval(interval)
-        if priority and hasattr(os, "sched_setscheduler"):
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        if priority:
+            drop_real_time()
             if sys.platform == "linux":
                 _libc().munlockall()

@@ -130,15 +130,14 @@ class SensorEstimator:
         measurement = Measurement(
             reading.time, reading.position, reading.velocity, reading.torque, (imu,)
         )
-        estimate = self._estimator.update(measurement)
-        if estimate is None:
+        e = self._estimator.update(measurement)
+        if e is None:
             raise EstimateError(f"the estimator: {self._estimator.kept_by}")
-        count_notes(self._told, estimate.notes)
-        e = estimate
+        count_notes(self._told, e.notes)
         deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
         self.sure = StateUncertainty(deviations, e.contacts)
-        self._last = reading, estimate.q, estimate.v
-        return estimate.q, estimate.v
+        self._last = reading, e.q, e.v
+        return e.q, e.v
 
 
 def configuration(robot: Robot, pose: Array, joints: Array) -> Array:

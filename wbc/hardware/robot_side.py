@@ -81,8 +81,6 @@ class RobotReport:
         Numbers of physics steps, and of those made up for later.
     latest:
         Largest lateness of a step [s].
-    fell:
-        Whether the trunk tilted by more than 1 rad.
     tilt:
         Largest [rad].
     path:
@@ -297,5 +295,5 @@ class SimulatedRobot:
 
 
 def _is_finite(command: Command) -> bool:
-    parts: Sequence[Array] = (command.position, command.velocity, command.torque)
-    return bool(np.isfinite(np.concatenate((*parts, command.kp, command.kd))).all())
+    c = command
+    return bool(np.isfinite(np.concatenate((c.position, c.velocity, c.torque, c.kp, c.kd))).all())
