@@ -199,26 +199,19 @@ def test_a_clock_in_steps_of_10_ms_is_told(g1: Robot, hanging: HangingRobot) -> 
         listen(hanging, g1)
 
 
-def test_a_joint_that_is_thrown_about_stops_the_check_in_words(
-    g1: Robot, hanging: HangingRobot
+def thrown(reading: Reading) -> Reading:
+    return replace(reading, position=reading.position + 0.8, velocity=reading.velocity + 60.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"), [(thrown, ".*_joint"), (lambda one: None, "no usable reading")]
+)
+def test_a_joint_that_is_thrown_about_or_silence_stops_the_check_in_words(
+    g1: Robot, hanging: HangingRobot, change: Change, said: str
 ) -> None:
-    def jump(reading: Reading) -> Reading:
-        if reading.time < 102.0:
-            return reading
-        return replace(reading, position=reading.position + 0.8, velocity=reading.velocity + 60.0)
-
-    hanging.change = jump
-    with pytest.raises(WbcError, match=r"check: .*_joint; motors brake"):
-        moved(g1, hanging)
-    assert hanging.command.is_passive
-
-
-def test_a_robot_that_falls_silent_while_it_is_moved_stops_the_check(
-    g1: Robot, hanging: HangingRobot
-) -> None:
-    """All its joints were said to be blocked, and commanded on."""
-    hanging.change = lambda one: one if one.time < 102.0 else None  # type: ignore[assignment,return-value]
-    with pytest.raises(WbcError, match="check: no usable reading; motors brake"):
+    """Of a robot that fell silent all joints were said to be blocked, and commanded on."""
+    hanging.change = lambda one: one if one.time < 102.0 else change(one)
+    with pytest.raises(WbcError, match=f"check: {said}; motors brake"):
         moved(g1, hanging)
     assert hanging.command.is_passive and hanging.clock["now"] < 103.0
 
