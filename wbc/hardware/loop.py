@@ -444,7 +444,7 @@ class HardwareLoop:
     @property
     def _hangs(self) -> str:
         """What is wrong where the feet bear too little."""
-        return f"{HANGS}{100.0 * self._load:.0f} % of the weight"
+        return f"{HANGS}{100.0 * max(self._load, 0.0):.0f} % of the weight"
 
     def _report_refusal(self, refusal: str, time: float) -> None:
         """Report why a wish is refused, at most once a second for the same reason."""
