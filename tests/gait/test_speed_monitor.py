@@ -112,3 +112,9 @@ def test_a_knee_without_a_motor_is_not_at_its_torque_limit():
     robot = Robot.load("hoap2_like", unactuated=["*_knee*"])
     legs = [robot.joint_names[k] for k in bearing_joints(robot)]
     assert legs and not any("knee" in name for name in legs)
+
+
+def test_hips_and_knees_without_motors_are_never_at_their_torque_limits():
+    """Linkages may drive all of them: an index of no joints was an IndexError."""
+    robot = Robot.load("hoap2_like", unactuated=["*_knee*", "*_hip*"])
+    Walker(robot).step(robot.snapshot(robot.posture()))

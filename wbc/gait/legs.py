@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
@@ -170,14 +171,15 @@ def check_biped(robot: Robot) -> None:
         raise InvalidInputError(f"biped: the base of {robot.name} is fixed; load it floating")
 
 
-def bearing_joints(robot: Robot) -> Array:
+def bearing_joints(robot: Robot) -> NDArray[np.int64]:
     """Return the indices among the joints' torques (k,) of hips and knees that have motors."""
     joints = list[int]()
     for side in SIDES:
         leg = leg_joints(robot, side)
         joints += leg[: leg.index(knee_of(robot, side)) + 1]
     found = [robot.model.idx_vs[joint] - BASE_NV for joint in joints]
-    return np.array([k for k in found if robot.joint_names[k] not in robot.unactuated])
+    driven = [k for k in found if robot.joint_names[k] not in robot.unactuated]
+    return np.array(driven, dtype=np.int64)
 
 
 def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
