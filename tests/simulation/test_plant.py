@@ -158,6 +158,21 @@ def test_a_push_changes_the_momentum_by_its_impulse(profile: str, duration: floa
     np.testing.assert_allclose(momentum[:3], expected, atol=2e-4 * np.abs(expected).max())
 
 
+def test_what_begins_now_may_be_told_by_the_clock() -> None:
+    """The time is a sum of steps: 0.01 was refused, as "0.01 s is over; it is 0.01 s"."""
+    robot = load("hoap2_like")
+    plant = Plant(robot)
+    for _ in range(5):
+        plant.step(np.zeros(robot.nv - 6))
+    assert plant.time > 0.01
+    push = plant.push("base", [1.0, 0.0, 0.0], start=0.01)
+    wrench = plant.apply("base", np.ones(6), start=0.01)
+    assert push.start == wrench.start == plant.time
+    for act, size in ((plant.push, 3), (plant.apply, 6)):
+        with pytest.raises(InvalidInputError, match=r"start: 0\.005 s is over; it is 0\.01 s"):
+            act("base", np.ones(size), start=0.005)
+
+
 def test_a_push_beside_the_com_turns_the_robot() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, shapes=False)

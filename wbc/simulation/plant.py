@@ -298,9 +298,8 @@ class Plant:
             Not finite numbers, no duration, or a start that is over.
         """
         self.robot.frame_id(body)
-        place = push_point(point, body, self.snapshot)
-        when = self.time if start is None else finite_number("push, start", start, least=self.time)
-        push = Push(body, finite_array("push, force", force, (3,)), place, when, duration, profile)
+        place, begin = push_point(point, body, self.snapshot), self._begin("push", start)
+        push = Push(body, finite_array("push, force", force, (3,)), place, begin, duration, profile)
         self.pushes.append(push)
         return push
 
@@ -336,9 +335,7 @@ class Plant:
             Not finite numbers, no duration, or a start that is over.
         """
         self.robot.frame_id(frame)
-        begin = self.time if start is None else finite_number("wrench, start", start, least=0.0)
-        if begin < self.time:
-            raise InvalidInputError(f"wrench, start: {begin:g} s is over; it is {self.time:g} s")
+        begin = self._begin("wrench", start)
         acting = AppliedWrench(frame, finite_array("wrench", wrench, (6,)), begin, duration, told)
         self.wrenches.append(acting)
         return acting
@@ -443,6 +440,13 @@ class Plant:
                 f"plant, {what}: {time:g} s is no multiple of physics_dt {self.physics_dt:g} s"
             )
         return count
+
+    def _begin(self, what: str, start: float | None) -> float:
+        """Return when something begins [s]; the time is a sum of many steps, so not to a digit."""
+        begin = self.time if start is None else finite_number(f"{what}, start", start)
+        if begin < self.time - 0.5 * self.physics_dt:
+            raise InvalidInputError(f"{what}, start: {begin:g} s is over; it is {self.time:g} s")
+        return max(begin, self.time)
 
     def _check(self) -> None:
         names = self.states.coordinates, self.states.velocities
