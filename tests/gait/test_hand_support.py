@@ -106,6 +106,23 @@ def test_walls_that_cannot_be_leant_on_are_refused(
         HandSupport(controller(start), start, [LEFT], [wall_at(distance)])
 
 
+@pytest.mark.parametrize("height", [-2.0, 5.0])
+def test_how_far_a_robot_leans_does_not_hang_on_where_the_ground_is(
+    start: Snapshot, height: float
+) -> None:
+    """In a pit every wall was out of reach, and on a roof none."""
+    q = start.q.copy()
+    q[2] += height
+    there = start.robot.snapshot(q)
+    near, far = (
+        Wall((0.0, distance, 0.9 + height), (0.0, -1.0, 0.0))  # type: ignore[arg-type]
+        for distance in (0.5, 2.0)
+    )
+    HandSupport(controller(there), there, [LEFT], [near])
+    with pytest.raises(InvalidInputError, match="is out of reach of left_rub"):
+        HandSupport(controller(there), there, [LEFT], [far])
+
+
 MISTAKES: dict[str, tuple[Callable[[Snapshot], object], str]] = {
     "a level face": (lambda s: Wall(np.zeros(3), (0, 0, 1)), "is not horizontal"),
     "no normal": (lambda s: Wall(np.zeros(3), (0, 0, 0)), "normal: needs some length"),

@@ -148,6 +148,8 @@ def check_reach(
     InvalidInputError
         The message names the wall, and the hand.
     """
+    heights = [start.position(foot.frame)[2] for foot in start.robot.feet.values()]
+    lean = MAX_LEAN * float(start.com[2] - min(heights, default=0.0))
     for k, wall in enumerate(walls):
         behind = -wall.distance(start.com)
         if behind > 0.0:
@@ -166,7 +168,7 @@ def check_reach(
             shoulder = start.position(arm.shoulder)
             goal = wall.touched(shoulder, hand.radius)
             distance = math.dist(goal, shoulder)
-            spare[hand.frame] = arm.length + MAX_LEAN * float(start.com[2]) - distance
+            spare[hand.frame] = arm.length + lean - distance
         nearest = max(spare, key=lambda name: spare[name])
         if spare[nearest] < 0.0:
             raise InvalidInputError(
