@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.robot import Robot
 from wbc.robot.chains import followers
@@ -70,7 +71,7 @@ class Rounds:
     Raises
     ------
     InvalidInputError
-        Coefficients of another shape, no cycles or no time.
+        Coefficients of another shape, no whole number of cycles, or no time.
     """
 
     robot: Robot
@@ -82,7 +83,7 @@ class Rounds:
     def __post_init__(self) -> None:
         shape = (np.shape(self.coefficients)[0] // 2 * 2, self.robot.nv - BASE_NV)
         finite_array("rounds, coefficients", self.coefficients, shape)
-        finite_number("rounds, cycles", self.cycles, least=1.0)
+        whole_number("rounds, cycles", self.cycles, least=1)
         finite_number("rounds, period", self.period, above=0.0)
 
     @classmethod
