@@ -163,6 +163,15 @@ def test_a_copy_goes_on_by_itself(hoap2: Robot, how: Callable[[SensedPlant], Sen
     assert ends[0] == ends[1]
 
 
+def test_a_refused_reset_changes_nothing(hoap2: Robot) -> None:
+    """The robot was put at the start, and went on with estimates of where it had been."""
+    plant = SensedPlant(hoap2)
+    plant.step(np.zeros(hoap2.nv - 6))
+    with pytest.raises(InvalidInputError, match="begins at rest"):
+        plant.reset(hoap2.posture("standing"), np.ones(hoap2.nv))
+    assert plant.time == plant.dt
+
+
 def test_an_error_of_the_height_is_told(hoap2: Robot) -> None:
     """It was in no line: "position by 2 mm" of a base that was told to be 19 mm lower."""
     plant = SensedPlant(hoap2)

@@ -88,12 +88,12 @@ class SensedPlant(Plant):
         InvalidInputError
             An unusable state, or one that moves: a robot stands while its estimator initialises.
         """
-        self._truths = deque[tuple[float, Array, Array]](maxlen=MAX_IN_FLIGHT)
-        super().reset(q, v)
-        if v is not None and np.any(v):
+        if v is not None and self.robot.check_velocity(v).any():
             raise InvalidInputError(
                 "plant, v: a robot whose state is estimated begins at rest; leave it out"
             )
+        super().reset(q)
+        self._truths = deque[tuple[float, Array, Array]](maxlen=MAX_IN_FLIGHT)
         self.sensing, self.errors = Sensing(self, self.devices), EstimateErrors()
         self.told: dict[str, int] = {}
         self.estimate: Estimate | None = None
