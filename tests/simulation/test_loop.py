@@ -11,9 +11,11 @@ import wbc
 from tests.conftest import load
 from tests.standing import torque_controller
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait import Walker
+from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
-from wbc.simulation import FallLimits, FallWatch, Plant, Recorder, Sensors, simulate
+from wbc.simulation import FallLimits, FallWatch, Plant, Recorder, Sensors, run_trial, simulate
 
 DT = 0.002
 
@@ -149,6 +151,20 @@ def test_a_recording_is_read_by_analyze(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             robot.mass * (series.com_acceleration[middle, 2] + 9.81), total[middle, 2], rtol=0.05
         )
+
+
+def test_a_trial_of_a_slower_controller_has_its_ticks_at_their_times() -> None:
+    """They were a period of the plant before their ends, and half of them was said to be to do."""
+    robot = load("hoap2_like")
+    plant, walker, said = Plant(robot, dt=DT), Walker(robot, dt=2.0 * DT), []
+
+    def progress(done: int, total: int, info: object) -> None:
+        said.append((done, total))
+
+    result = run_trial(ScheduledWalk(walker, ()), plant, wbc.Stop(duration=0.1), progress=progress)
+    ticks = result.run.history.arrays()["time"]
+    np.testing.assert_allclose(ticks, 2.0 * DT * np.arange(25), atol=1e-9)
+    assert said[-1] == (25, 25)
 
 
 def test_mistakes_are_typed() -> None:

@@ -67,10 +67,10 @@ def run_trial(
     """
     stop.check_tasks(phases.tasks)
     calls = Callbacks(progress, cancelled=cancelled, show=show)
-    total = ticks_in(stop.duration, plant.dt)
-    record = TrialRecord(plant, phases)
     first = phases.controller
-    loop = simulate(first, plant, total * plant.dt, update=phases.update, falls=falls)
+    total = ticks_in(stop.duration, first.dt)
+    record = TrialRecord(plant, phases)
+    loop = simulate(first, plant, total * first.dt, update=phases.update, falls=falls)
     try:
         for now in loop:
             loop_tick = record.add(now)

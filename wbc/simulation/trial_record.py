@@ -54,10 +54,10 @@ class TrialRecord:
         """Notes of physics and supervisor, unmet contacts, and pushes that the end cut short."""
         end, dt = self._plant.time, self._plant.dt
         cut_short = [
-            f"the push on {one.body} from {one.start:g} s on lasts until {late:g} s, and was over"
-            f" with the simulation, at {end:g} s"
+            f"the push on {one.body} from {one.start:g} s on lasts until {one.end:g} s, and was"
+            f" over with the simulation, at {end:g} s"
             for one in self.pushes
-            if self.verdict.stood and one.start < end < (late := one.start + one.duration) - dt / 2
+            if self.verdict.stood and one.start < end < one.end - dt / 2
         ]
         return (*self._plant.notes, *self._phases.notes, *self._unmet.notes, *cut_short)
 
@@ -68,7 +68,7 @@ class TrialRecord:
 
     def add(self, now: SimulationTick) -> LoopTick:
         """Record a control period; return it as a tick of a run, timed at its beginning."""
-        tick = as_loop_tick(now, self._plant.dt)
+        tick = as_loop_tick(now, self._phases.controller.dt)
         self.truth.add(now.tick)
         self._unmet.add(now.tick)
         self.run.add(tick, self._phases.standing, truth=self._true_state(now))
