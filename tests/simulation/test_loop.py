@@ -15,6 +15,7 @@ from wbc.gait import Walker
 from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
+from wbc.run import Stop
 from wbc.simulation import FallLimits, FallWatch, Plant, Recorder, Sensors, run_trial, simulate
 
 DT = 0.002
@@ -161,7 +162,7 @@ def test_a_trial_of_a_slower_controller_has_its_ticks_at_their_times() -> None:
     def progress(done: int, total: int, info: object) -> None:
         said.append((done, total))
 
-    result = run_trial(ScheduledWalk(walker, ()), plant, wbc.Stop(duration=0.1), progress=progress)
+    result = run_trial(ScheduledWalk(walker, ()), plant, Stop(duration=0.1), progress=progress)
     ticks = result.run.history.arrays()["time"]
     np.testing.assert_allclose(ticks, 2.0 * DT * np.arange(25), atol=1e-9)
     assert said[-1] == (25, 25)
