@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from wbc.gait.phases import GaitState
 from wbc.robot import Snapshot
@@ -44,7 +44,7 @@ class PushObserver(NamedTuple):
 
     def update(
         self, snapshot: Snapshot, now: GaitState, wrenches: Mapping[str, Array], dt: float
-    ) -> PushObserver:
+    ) -> Self:
         """Return the observer ``dt`` later.
 
         ``wrenches`` (6,) on the soles by foot [N, N m]; without any it is reset.
@@ -64,7 +64,7 @@ class PushObserver(NamedTuple):
         expected = self.expected + (rate + self.push) * dt
         error, pole = velocity - expected, math.exp(-self.omega * dt / OBSERVER_TIME)
         push = self.push + (1.0 - pole) ** 2 / dt * error
-        return PushObserver(self.omega, self.height, expected + (1.0 - pole**2) * error, push)
+        return self._replace(expected=expected + (1.0 - pole**2) * error, push=push)
 
     def predict(self, now: GaitState, delay: float = 0.0) -> GaitState:
         """Return a state with the DCM predicted for the end of the push.
@@ -78,4 +78,4 @@ class PushObserver(NamedTuple):
             Over which the state was already predicted, without the push [s].
         """
         dcm = now.dcm + (PUSH_DURATION / self.omega**2 + delay / self.omega) * self.push
-        return GaitState(dcm, now.places, now.rotations)
+        return now._replace(dcm=dcm)
