@@ -176,11 +176,8 @@ def sole_pose(place: Place | Array, rotation: Array) -> Array:
 
 def sole_poses(snapshot: Snapshot) -> dict[str, Array]:
     """Return x, y, yaw and z of the soles (4,) [m, rad], by foot."""
-    frames = {foot: sole.frame for foot, sole in snapshot.robot.feet.items()}
-    return {
-        foot: sole_pose(snapshot.position(frame), snapshot.rotation(frame))
-        for foot, frame in frames.items()
-    }
+    feet = snapshot.robot.feet.items()
+    return {foot: sole_pose(*snapshot.placement(sole.frame)) for foot, sole in feet}
 
 
 def next_foot(phase: Phase) -> str | None:
