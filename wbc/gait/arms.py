@@ -108,7 +108,7 @@ class Arm:
         return cls(
             hand=frame,
             shoulder=str(model.names[joints[0]]),
-            trunk=_link_of(robot, parent),
+            trunk=link_of(robot, parent),
             forearm=tuple(joints[elbow:]),
             length=STRETCH * length,
             pointing=_pointing_axis(s.rotation(frame), s.position(frame), [
@@ -153,7 +153,7 @@ def _check_not_on_leg(robot: Robot, frame: str) -> None:
             )
 
 
-def _link_of(robot: Robot, joint: int) -> str:
+def link_of(robot: Robot, joint: int) -> str:
     """Return a link that a joint carries, or one of the nearest joint before it that has any."""
     model = robot.model
     while joint > 1:

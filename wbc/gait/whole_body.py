@@ -16,6 +16,7 @@ from wbc.constraints.sole_contacts import contact_kind
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
 from wbc.gait.ability import leg_limits, pressure_offset
+from wbc.gait.arms import link_of
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -284,15 +285,7 @@ class WholeBody:
 
 def heaviest_link(robot: Robot) -> str:
     """Return the link of the joint with most mass, without its children: usually the trunk."""
-    model = robot.model
-    masses = [inertia.mass for inertia in model.inertias]
-    joint = int(np.argmax(masses))
-    if joint <= 1:
-        return BASE
-    bodies = [
-        frame for frame in model.frames if frame.parentJoint == joint and "BODY" in str(frame.type)
-    ]
-    return str(bodies[0].name)
+    return link_of(robot, int(np.argmax([inertia.mass for inertia in robot.model.inertias])))
 
 
 def heading_of(rotations: Iterable[Array]) -> float:
