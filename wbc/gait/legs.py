@@ -95,20 +95,14 @@ class Legs:
                 " ahead"
             )
         soles = [np.ptp(robot.feet[side].polygon[:, 1]) for side in SIDES]
-        weaker, bearing_length = np.min(legs, axis=0).tolist(), float(np.max(legs, axis=0)[-1])
+        weaker = {name: min(leg[name] for leg in legs) for name in legs[0]}
+        weaker["bearing_length"] = max(leg["bearing_length"] for leg in legs)
         return cls(
-            length=weaker[0],
-            hip_height=weaker[1],
             com_height=float(snapshot.com[2] - np.mean([place[2] for place in places])),
             width=float(np.linalg.norm(places[0][:2] - places[1][:2])),
             sole_width=float(max(soles)),
-            swing_speed=weaker[2],
-            swing_acceleration=weaker[3],
-            turn=weaker[4],
-            turn_speed=weaker[5],
-            lift_speed=weaker[6],
-            bearing_length=bearing_length,
             gravity=robot.gravity,
+            **weaker,
         )
 
     def reach(self, com_height: float) -> float:
@@ -182,8 +176,8 @@ def bearing_joints(robot: Robot) -> NDArray[np.int64]:
     return np.array(driven, dtype=np.int64)
 
 
-def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
-    """Return what :class:`Legs` has of one leg: from its length to its bearing length."""
+def _leg(robot: Robot, side: str, given: Limits | None) -> dict[str, float]:
+    """Return what :class:`Legs` has of one leg, by name."""
     joints = leg_joints(robot, side)
     if len(joints) < 3:
         raise InvalidInputError(
@@ -225,16 +219,17 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
         _knee_angle(angles, lengths, part * lengths.max())
         for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT)
     )
-    return (
-        float(lengths.max()),
-        float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
-        SPEED_SHARE * float(speed[hip]) * lever,
-        min(SHARE * float(limits.effort[hip]) / inertia * lever, limit),
-        turn,
-        turn_speed,
-        SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),
-        _bearing_length(robot, knee, angles, lengths),
-    )
+    knee_speed = float(speed[int(robot.model.idx_vs[knee]) - BASE_NV])
+    return {
+        "length": float(lengths.max()),
+        "hip_height": float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
+        "swing_speed": SPEED_SHARE * float(speed[hip]) * lever,
+        "swing_acceleration": min(SHARE * float(limits.effort[hip]) / inertia * lever, limit),
+        "turn": turn,
+        "turn_speed": turn_speed,
+        "lift_speed": SHARE * knee_speed * lift / abs(high - low),
+        "bearing_length": _bearing_length(robot, knee, angles, lengths),
+    }
 
 
 def knee_bends(robot: Robot, length: float) -> dict[str, float]:
