@@ -143,7 +143,7 @@ MISTAKES: dict[str, tuple[Callable[[Snapshot], object], str]] = {
     ),
     "settings by name": (
         lambda s: HandSupport(controller(s), s, [LEFT], [wall_at(0.5)], {"begin": 0.01}),
-        r"settings: expected LeanSettings\(...\), got \{'begin'",
+        r"settings: expected a LeanSettings, .* got \{'begin'",
     ),
     "velocities": (
         lambda s: HandSupport(velocities(s), s, [LEFT], [wall_at(0.5)]),

@@ -38,6 +38,7 @@ from wbc.gait.hand_states import HandsFree, Leaning, LeanSettings, Reaching, Wit
 from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.walls import Hand, Wall, check_hands, check_reach, check_walls
+from wbc.kinds import check_kind
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Snapshot
@@ -114,10 +115,7 @@ class HandSupport:
         for kind, given in (("hands", hands), ("walls", self.walls)):
             if not given:
                 raise InvalidInputError(f"hand support, {kind}: there are none to lean with or on")
-        if not isinstance(settings, LeanSettings | None):
-            raise InvalidInputError(
-                f"hand support, settings: expected LeanSettings(...), got {shown(settings)}"
-            )
+        check_kind("hand support, settings", settings, LeanSettings, "LeanSettings()", or_none=True)
         self.controller, self.settings = controller, settings or LeanSettings()
         self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
         self.state: HandsFree | Reaching | Leaning | Withdrawing = HandsFree()

@@ -23,7 +23,7 @@ from wbc.minimum_jerk import PEAK
 from wbc.polygon import half_planes
 from wbc.robot import Robot
 from wbc.run.phase_support import Ground
-from wbc.validate import Array
+from wbc.validate import Array, list_of
 
 # Shortest swing, as a ratio of the nominal one, and longest, in 1/omega: the capture point's
 # error grows by e in each 1/omega.
@@ -92,15 +92,11 @@ class StepRange:
             None at all; the same foot twice; one out of reach, in too short a time, across the
             other foot or on it: the message names the value and its range.
         """
-        if isinstance(footsteps, str) or not isinstance(footsteps, Sequence):
-            raise InvalidInputError(f"footsteps: expected a list of them, got {footsteps!r}")
-        for one in footsteps:
-            if not isinstance(one, Footstep):
-                raise InvalidInputError(f"footsteps: expected Footstep(foot, x, y), got {one!r}")
-        if not footsteps:
+        world = list_of("footsteps", footsteps, Footstep, 'Footstep("left", 0.2, 0.1)')
+        if not world:
             raise InvalidInputError("footsteps: none are given; give at least one, or stop")
-        is_relative = switch("footsteps, relative", relative)
-        world = in_world(footsteps, feet) if is_relative else tuple(footsteps)
+        if switch("footsteps, relative", relative):
+            world = in_world(world, feet)
         for number, key, text in self.complaints(world, feet, first, ground):
             raise InvalidInputError(f"footstep {number + 1} ({world[number].foot}), {key}: {text}")
         return world
