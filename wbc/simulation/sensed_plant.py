@@ -96,32 +96,35 @@ class SensedPlant(Plant):
         self._truths = deque[tuple[float, Array, Array]](maxlen=MAX_IN_FLIGHT)
         self.sensing, self.errors = Sensing(self, self.devices), EstimateErrors()
         self.told: dict[str, int] = {}
-        self.estimate: Estimate | None = None
         self.estimator.reset(q)
-        bus = self.devices.bus
+        bus, found = self.devices.bus, None
         settling = self.estimator.settings.standing_time + bus.delay + bus.jitter
         for k in range(-int(np.ceil(settling / self.dt)) - EXTRA_PERIODS, 0):
             self.sensing.read(self, k * self.dt)
-            self._receive(k * self.dt)
-        if self.estimate is None:
+            found = self._receive(k * self.dt) or found
+        if found is None:
             raise InvalidInputError(
                 f"plant, devices: the estimator cannot begin: {self.estimator.kept_by}"
             )
-        self._is_read: bool = False
+        self.estimate, self._is_read = found, False
 
-    def measure(self) -> tuple[Array, Array] | None:
-        """Return the estimated configuration and velocity; None before the first message.
+    def measure(self) -> tuple[Array, Array]:
+        """Return the estimated configuration and velocity.
 
         All calls within one control period return the same.
         """
         if not self._is_read:
             self.sensing.read(self)
             self._truths.append((self.time, *self.state()))
-            self._receive(self.time)
+            fresh = self._receive(self.time)
+            if fresh is not None:
+                self.estimate = fresh
+                for when, q, v in reversed(self._truths):
+                    if abs(when - fresh.time) < 1e-9:
+                        self.errors.add(fresh, q, v)
+                        break
             self._is_read = True
         estimate = self.estimate
-        if estimate is None:
-            return None
         age = self.time - estimate.time
         q = self.robot.integrate(estimate.q, estimate.v, age) if age > 0.0 else estimate.q.copy()
         return q, estimate.v.copy()
@@ -136,14 +139,13 @@ class SensedPlant(Plant):
     @property
     def felt_forces(self) -> dict[str, Array]:
         """Wrench (6,) on each sole by its frame, as estimated from torques; else empty."""
-        forces = self.estimate.forces if self.estimate is not None else {}
-        return {self.robot.feet[name].frame: force for name, force in forces.items()}
+        forces = self.estimate.forces.items()
+        return {self.robot.feet[name].frame: force for name, force in forces}
 
     @property
     def felt_loads(self) -> dict[str, float]:
         """Estimated vertical force by foot [N]; the weight for a contact without an estimate."""
-        forces = self.estimate.forces if self.estimate is not None else {}
-        held = self.estimate.contacts if self.estimate is not None else ()
+        forces, held = self.estimate.forces, self.estimate.contacts
         return {
             name: float(forces[name][2]) if name in forces else self.robot.weight * (name in held)
             for name in self.robot.feet
@@ -157,17 +159,12 @@ class SensedPlant(Plant):
         lost = (f"bus: {self.sensing.lost} messages lost",) if self.sensing.lost else ()
         return (*super().notes, str(self.errors), *lost, *frequent_notes(self.told))
 
-    def _receive(self, time: float) -> None:
-        fresh = False
+    def _receive(self, time: float) -> Estimate | None:
+        """Return the last estimate by the messages that arrived until ``time`` [s], if any."""
+        last = None
         for message in self.sensing.received(time):
             estimate = self.estimator.update(message)
-            if estimate is None:
-                continue
-            self.estimate, fresh = estimate, True
-            count_notes(self.told, estimate.notes)
-        if self.estimate is None or not fresh:
-            return
-        for when, q, v in reversed(self._truths):
-            if abs(when - self.estimate.time) < 1e-9:
-                self.errors.add(self.estimate, q, v)
-                break
+            if estimate is not None:
+                count_notes(self.told, estimate.notes)
+                last = estimate
+        return last
