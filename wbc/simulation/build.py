@@ -15,7 +15,7 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.gait.arms import Arm
 from wbc.gait.walls import WALL_THICKNESS
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
 from wbc.simulation.shapes import PLANE, STEP, ShapeOptions, add_shapes
@@ -196,7 +196,7 @@ def _add_tree(
 ) -> list[Any]:
     """Add bodies and joints; return the bodies by Pinocchio's joints."""
     model, limits = robot.model, robot.limits
-    axes = _joint_axes(robot)
+    neutral = robot.snapshot(robot.postures["neutral"])
     bodies = [spec.worldbody]
     for j in range(1, model.njoints):
         place = model.jointPlacements[j]
@@ -214,7 +214,7 @@ def _add_tree(
                 body.add_freejoint(name=str(model.names[1]))
             continue
         k = int(model.idx_vs[j]) - BASE_NV
-        turns, axis = axes[k]
+        turns, axis = _joint_axis(neutral, j)
         joint = body.add_joint(
             name=str(model.names[j]),
             type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
@@ -273,17 +273,12 @@ def _add_lifts(mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot) -> N
         motor.biasprm[0], motor.gainprm[0] = lift.mass, 0.0
 
 
-def _joint_axes(robot: Robot) -> list[tuple[bool, Array]]:
-    """Return for each actuated joint whether it turns, and its axis (3,) in its own frame."""
-    s = robot.snapshot(robot.postures["neutral"])
-    rotations, _ = s.joint_placements
-    found = []
-    for j in range(2, robot.model.njoints):
-        twist = s.joint_twists[:, int(robot.model.idx_vs[j])]
-        turns = bool(np.linalg.norm(twist[3:]) > 0.5)
-        axis = rotations[j].T @ (twist[3:] if turns else twist[:3])
-        found.append((int(robot.model.idx_vs[j]), turns, axis / np.linalg.norm(axis)))
-    return [(turns, axis) for _, turns, axis in sorted(found, key=lambda entry: entry[0])]
+def _joint_axis(s: Snapshot, joint: int) -> tuple[bool, Array]:
+    """Return whether a joint turns, and its axis (3,) in its own frame."""
+    twist = s.joint_twists[:, int(s.robot.model.idx_vs[joint])]
+    turns = bool(np.linalg.norm(twist[3:]) > 0.5)
+    axis = s.joint_placements[0][joint].T @ (twist[3:] if turns else twist[:3])
+    return turns, axis / np.linalg.norm(axis)
 
 
 def _quaternion(mujoco: Any, R: Array) -> Array:
