@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,8 +90,6 @@ def principal_inertia(inertia: Any) -> PrincipalInertia:
 def true_inertias(robot: Robot, mismatch: ModelMismatch) -> list[PrincipalInertia]:
     """Return the mass properties of the link of each Pinocchio joint; entry 0 is no link."""
     inertias = [principal_inertia(body) for body in robot.model.inertias]
-    if _is_exact(mismatch):
-        return inertias
     random = np.random.default_rng(mismatch.seed).uniform(-1.0, 1.0, (len(inertias), 5))
     for j, (inertia, u) in enumerate(zip(inertias, random, strict=True)):
         mass = mismatch.mass * (1.0 + mismatch.mass_spread * u[0])
@@ -101,9 +99,3 @@ def true_inertias(robot: Robot, mismatch: ModelMismatch) -> list[PrincipalInerti
             mass * inertia.mass, inertia.com + shift, inertia.axes, moments * inertia.moments
         )
     return inertias
-
-
-def _is_exact(mismatch: ModelMismatch) -> bool:
-    """Return whether the links' inertias are the model's."""
-    names = [field.name for field in fields(EXACT) if field.name not in ("seed", "friction")]
-    return all(np.array_equal(getattr(mismatch, name), getattr(EXACT, name)) for name in names)
