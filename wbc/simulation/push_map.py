@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -40,12 +40,12 @@ class PushMap:
     outcomes: Sequence[PushOutcome]
     bounds: PushBounds
     outline: PushBounds
-    complete: bool = field(init=False)
 
-    def __post_init__(self) -> None:
-        angles = self.grid.angles.tolist()
-        done = all(np.isinf(self.grid.next_ratio(angle, self._by_key)) for angle in angles)
-        object.__setattr__(self, "complete", done)
+    @cached_property
+    def complete(self) -> bool:
+        """Whether no push of the grid remains to be tried."""
+        grid = self.grid
+        return all(math.isinf(grid.next_ratio(angle, self._by_key)) for angle in grid.angles)
 
     @cached_property
     def _by_key(self) -> Mapping[tuple[float, float], PushOutcome]:
