@@ -204,8 +204,7 @@ def run_campaign(
             if record is not None:
                 record(outcome)
             done = len(found)
-            total = done + grid.remaining(found)
-            report(done, total, {"push": outcome, "new": done - before})
+            report(done, done + grid.remaining(found), {"push": outcome, "new": done - before})
     return [found[push] for push in sorted(found)]
 
 

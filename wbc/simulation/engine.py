@@ -58,7 +58,7 @@ def check_state(
         ("velocity", data.qvel, velocities),
     ):
         if not float(values @ values) <= LARGEST**2:  # nor NaN
-            joint = names[int(np.argmax(~(np.abs(values) <= LARGEST)))]
+            joint = names[int(np.abs(values).argmax())]
             raise SimulationError(
                 f"the {what} of {joint!r} is beyond {LARGEST:g}: the simulation blew up",
                 float(data.time),

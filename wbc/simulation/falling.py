@@ -124,6 +124,4 @@ class FallWatch:
 
     def _height(self) -> float:
         """Return the CoM's height over the plane of the ground [m]."""
-        x, y, z = self._plant.com.tolist()
-        slope = self._plant.terrain.slope
-        return z - slope[0] * x - slope[1] * y
+        return float(self._plant.terrain.upright @ self._plant.com)

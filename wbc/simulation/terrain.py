@@ -45,12 +45,12 @@ class Step:
     slope: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        slope = finite_array("step, slope", self.slope, (2,)).tolist()
+        x, y = finite_array("step, slope", self.slope, (2,)).tolist()
         set_fields(
             self,
             centre=read_only(finite_array("step, centre", self.centre, (3,))),
             size=read_only(finite_array("step, size", self.size, (3,))),
-            slope=(slope[0], slope[1]),
+            slope=(x, y),
         )
         if (self.size <= 0.0).any():
             raise InvalidInputError(f"step, size: sides must be positive, got {self.size.tolist()}")
@@ -106,10 +106,10 @@ class Terrain:
         check_fields(self, "terrain, ", "friction", least=0.0)
         check_fields(self, "terrain, ", "time_constant", above=0.0)
         check_switches(self, "terrain, ", "drift")
-        slope = finite_array("terrain, slope", self.slope, (2,))
+        x, y = finite_array("terrain, slope", self.slope, (2,)).tolist()
         set_fields(
             self,
-            slope=(float(slope[0]), float(slope[1])),
+            slope=(x, y),
             steps=list_of("terrain, steps", self.steps, Step, "Step(centre, size)"),
             walls=check_walls("terrain", self.walls),
         )
