@@ -130,6 +130,17 @@ def test_settings_out_of_range(hoap2: Robot, case: str) -> None:
         Walker(hoap2, gait)
 
 
+def test_wide_soles_that_cannot_stand_so_tall_are_told(hoap2: Robot) -> None:
+    """The usual width was not looked at: a KeyError, of a width that was not given."""
+    sole = [[-0.05, -0.1], [0.05, -0.1], [0.05, 0.1], [-0.05, 0.1]]
+    feet = {
+        side: {"link": foot.link, "polygon": sole, "height": 0.02}
+        for side, foot in hoap2.feet.items()
+    }
+    with pytest.raises(InvalidInputError, match=r"width: feet 0\.23\d* m .* or a lower height"):
+        Walker(Robot.load("hoap2_like", feet=feet), {"height": 0.26})
+
+
 def test_limits_that_are_assigned_are_limits(hoap2: Robot) -> None:
     """The next command ended in an AttributeError, or a division by zero."""
     walker = Walker(hoap2)

@@ -108,25 +108,25 @@ class GaitSettings:
             if value is not None
         }
         height = chosen.setdefault("height", default_height(legs))
+        width = chosen.setdefault("width", max(legs.width, legs.sole_width + SOLE_GAP * height))
         widest = legs.width + 2.0 * legs.reach(height)  # which raises where there is none
-        if chosen.get("width", 0.0) > widest:
+        if width > widest:
             raise InvalidInputError(
-                f"gait, width: feet {chosen['width']:g} m from each other are out of reach of the"
-                f" legs; give at most {widest:.3g} m"
+                f"gait, width: feet {width:g} m from each other are out of reach of the legs; give"
+                f" at most {widest:.3g} m, or a lower height"
             )
-        if chosen.get("width", widest) < legs.sole_width:
+        if width < legs.sole_width:
             raise InvalidInputError(
-                f"gait, width: feet {chosen['width']:g} m from each other would stand on one"
-                f" another; give at least {legs.sole_width:.3g} m, the width of a sole"
+                f"gait, width: feet {width:g} m from each other would stand on one another; give at"
+                f" least {legs.sole_width:.3g} m, the width of a sole"
             )
         finite_number("gait, gravity", legs.gravity, above=0.0)
         omega = math.sqrt(legs.gravity / height)
         chosen.setdefault("single", SINGLE / omega)
         chosen.setdefault("double", DOUBLE / omega)
         chosen.setdefault("ramp", min(RAMP / omega, chosen["double"]))
-        chosen.setdefault("width", max(legs.width, legs.sole_width + SOLE_GAP * height))
         narrow = legs.sole_width + MIN_SOLE_GAP * height
-        chosen.setdefault("least_width", min(narrow, chosen["width"]))
+        chosen.setdefault("least_width", min(narrow, width))
         lift = 0.5 * chosen["single"] * legs.lift_speed  # what slow knees can lift
         chosen.setdefault("clearance", min(CLEARANCE * height, lift))
         if chosen["clearance"] > legs.length:
