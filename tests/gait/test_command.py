@@ -130,6 +130,12 @@ def test_settings_out_of_range(hoap2: Robot, case: str) -> None:
         Walker(hoap2, gait)
 
 
+def test_a_height_below_the_ground_is_refused(legs: Legs) -> None:
+    """Legs as heavy reach it, and the root of a negative height was a ValueError."""
+    with pytest.raises(InvalidInputError, match="gait, height: must be greater than 0"):
+        GaitSettings.of(replace(legs, com_height=0.5 * legs.hip_height), height=-0.01)
+
+
 def test_wide_soles_that_cannot_stand_so_tall_are_told(hoap2: Robot) -> None:
     """The usual width was not looked at: a KeyError, of a width that was not given."""
     sole = [[-0.05, -0.1], [0.05, -0.1], [0.05, 0.1], [-0.05, 0.1]]

@@ -103,7 +103,7 @@ class GaitSettings:
             if name not in names:
                 raise UnknownNameError("setting of a gait", name, names)
         chosen = {
-            key: finite_number(f"gait, {key}", value)
+            key: finite_number(f"gait, {key}", value, above=0.0)
             for key, value in given.items()
             if value is not None
         }
