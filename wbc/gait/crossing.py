@@ -104,10 +104,7 @@ class Crossing(NamedTuple):
         lead = (0.5 / PITCH_PEAK) ** 3
         tip = min(PITCH_RATIO * slope, MAX_PITCH, lift / ((lead - 1.0) * half))
         drop = half * math.sin(tip)  # of the toe below the middle of the sole
-        top, wanted = (
-            peak + clearance + drop,
-            terrain + EDGE_MARGIN * clearance + drop,
-        )
+        top, wanted = peak + clearance + drop, terrain + EDGE_MARGIN * clearance + drop
         ahead = np.interp(parts, PROGRESS, TIMES)
         # Normalised time, from either end, after which the foot is above each edge.
         rising, lowering = (

@@ -118,8 +118,4 @@ class Paces:
         )
         limits = CommandLimits.of(usual.planner.legs, gait)
         planner = replace(usual.planner, gait=gait, limits=limits)
-        return Pace(
-            planner,
-            blend(usual.swing, fastest.swing),
-            blend(usual.lift, fastest.lift),
-        )
+        return Pace(planner, blend(usual.swing, fastest.swing), blend(usual.lift, fastest.lift))

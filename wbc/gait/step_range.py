@@ -226,10 +226,8 @@ class StepRange:
                 f"the foot goes {distance:.3g} m in {T:.3g} s, beyond the {why}: at most"
                 f" {distances[why]:.3g} m in that time",
             )
-        turn, max_turn = (
-            math.remainder(step.yaw - before[2], math.tau),
-            self.legs.turn_speed / per_rate,
-        )
+        turn = math.remainder(step.yaw - before[2], math.tau)
+        max_turn = self.legs.turn_speed / per_rate
         if abs(turn) > max_turn + ROUNDING:
             yield (
                 "duration",

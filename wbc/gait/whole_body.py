@@ -259,12 +259,7 @@ class WholeBody:
         task.set_target(*pose)
 
     def set_targets(
-        self,
-        snapshot: Snapshot,
-        pressure: Array,
-        height: SwingMotion,
-        heading: float,
-        turn: float,
+        self, snapshot: Snapshot, pressure: Array, height: SwingMotion, heading: float, turn: float
     ) -> None:
         """Set the centre of pressure (3,) [m], the CoM's height [m], and the heading [rad].
 
