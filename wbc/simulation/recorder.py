@@ -47,15 +47,14 @@ class Recorder:
 
     def add(self, tick: TorqueTick | None = None) -> None:
         """Record the plant as it is now, after the step that ``tick`` commanded."""
-        plant, missing = self._plant, np.full(6, np.nan)
+        plant, cop = self._plant, self._plant.cop
         q, v = plant.state()
-        forces = plant.contact_forces
         row: dict[str, Any] = {"time": plant.time, "q": q, "v": v, "torque": plant.torque}
-        for frame, wrench in forces.items():
+        planned, unplanned = ({}, np.nan) if tick is None else (tick.forces, 0.0)
+        for frame, wrench in plant.contact_forces.items():
             row[f"forces/{frame}"] = wrench
-            planned = None if tick is None else tick.forces.get(frame, np.zeros(6))
-            row[f"planned_forces/{frame}"] = missing if planned is None else planned
-        row["cop"] = _MISSING if plant.cop is None else plant.cop
+            row[f"planned_forces/{frame}"] = planned.get(frame, np.full(6, unplanned))
+        row["cop"] = _MISSING if cop is None else cop
         row["planned_cop"] = _MISSING if tick is None or tick.cop is None else tick.cop
         row["relaxed"] = tick is not None and bool(tick.policy)
         row["push"] = plant.push_force

@@ -60,7 +60,8 @@ class Imu:
 
     def __post_init__(self) -> None:
         what = f"IMU {self.name!r}, "
-        noises = [f"{of}_{what}" for of in DEVICES for what in ("noise", "bias", "walk")]
+        devices, kinds = ("gyroscope", "accelerometer"), ("noise", "bias", "walk")
+        noises = [f"{device}_{kind}" for device in devices for kind in kinds]
         check_fields(self, what, *noises, least=0.0)
         check_fields(self, what, "most_rate", "most_force", above=0.0)
         if self.rate is not None:
@@ -88,9 +89,6 @@ class Imu:
                 f" number of control periods of {dt:g} s"
             )
         return round(periods) * dt
-
-
-DEVICES = "gyroscope", "accelerometer"
 
 
 @dataclass(frozen=True)
