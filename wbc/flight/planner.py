@@ -231,7 +231,7 @@ class _Problem:
 
     def _distance_rows(self, loop: JointLoop) -> tuple[Rows, float, str]:
         """Return the rows of near pairs, the smallest clearance [m], and its pair."""
-        rows, smallest, pair = list[tuple[Array, Array]](), np.inf, "nothing"
+        rows, smallest, pair = Rows(), np.inf, "nothing"
         if self.collision is None:
             return rows, smallest, pair
         basis = harmonics(even_phases(DISTANCE_PHASES), HARMONICS)
@@ -272,10 +272,9 @@ class _Problem:
         least = np.minimum(np.maximum(lowest, current - radius), highest)
         most = np.maximum(np.minimum(highest, current + radius), lowest)
         linear = np.vstack([path, slopes, *(matrix for matrix, _ in rows)])
-        still = np.zeros(len(slopes))
-        lower = np.concatenate([least, still, *(bound for _, bound in rows)])
-        upper = np.concatenate((most, still))
-        upper = np.concatenate((upper, np.full(len(linear) - len(upper), np.inf)))
+        still, bounds = np.zeros(len(slopes)), [bound for _, bound in rows]
+        lower = np.concatenate([least, still, *bounds])
+        upper = np.concatenate([most, still, *(np.full(len(bound), np.inf) for bound in bounds)])
         x, p = ca.MX.sym("x", last.size), ca.MX.sym("p", 0)
         A, gradient = ca.DM(linear), ca.mtimes(hessian, x)
         g, f = ca.vertcat(self.end(x), ca.mtimes(A, x)), 0.5 * ca.dot(x, gradient)
