@@ -229,7 +229,7 @@ def test_a_wall_ends_where_its_face_does(start: Snapshot) -> None:
     held = controller(start)
     hands = HandSupport(held, start, [LEFT], [narrow])
     there = SwingMotion.rest(start.position(LEFT.frame))
-    hands.state = Reaching(hands.arms[LEFT], LEFT, narrow, there, 0.2)
+    hands.state = Reaching(LEFT, narrow, there, 0.2)
     hands.prepare(start)
     assert isinstance(hands.state, Reaching)
     assert len(held.contacts) == 2
@@ -266,7 +266,7 @@ def test_a_released_hand_is_let_go_though_another_one_touches_meanwhile(start: S
     hands = HandSupport(held, start, [LEFT, right], walls, settings)
     hands.settings = dataclasses.replace(settings, touch=3e-3)
     there = {hand: SwingMotion.rest(start.position(hand.frame)) for hand in (LEFT, right)}
-    hands.state = Reaching(hands.arms[LEFT], LEFT, walls[0], there[LEFT], 0.1)
+    hands.state = Reaching(LEFT, walls[0], there[LEFT], 0.1)
     hands.prepare(start)
     assert isinstance(hands.state, Leaning)
     for _ in range(30):
@@ -279,7 +279,7 @@ def test_a_released_hand_is_let_go_though_another_one_touches_meanwhile(start: S
     np.testing.assert_array_equal(reach.target, moved.position(LEFT.frame))
     held.step(start)
     assert LEFT.frame in [one.name for one in held.contacts]  # its force goes
-    hands.state = Reaching(hands.arms[right], right, walls[1], there[right], 0.1)
+    hands.state = Reaching(right, walls[1], there[right], 0.1)
     hands.prepare(start)
     assert isinstance(hands.state, Leaning)
     for _ in range(40):

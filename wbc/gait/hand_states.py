@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from wbc.constraints import PointContact
 from wbc.errors import InvalidInputError
-from wbc.gait.arms import Arm
 from wbc.gait.swing import SwingMotion
 from wbc.gait.walls import Hand, Wall
 from wbc.validate import Array, check_fields
@@ -83,7 +82,6 @@ class Reaching(NamedTuple):
         Time until the planned contact [s]; negative if late.
     """
 
-    arm: Arm
     hand: Hand
     wall: Wall
     motion: SwingMotion
@@ -93,7 +91,6 @@ class Reaching(NamedTuple):
 class Leaning(NamedTuple):
     """A hand has been on a wall for ``time`` [s]."""
 
-    arm: Arm
     hand: Hand
     wall: Wall
     contact: PointContact

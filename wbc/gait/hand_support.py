@@ -244,7 +244,7 @@ class HandSupport:
         self._point[hand].set_target(-first.wall.normal)
         _switch_on(self._reach[hand], own.weight)
         _switch_on(self._point[hand], own.axis)
-        _switch_on(self._trunk[first.arm.trunk], own.trunk)
+        _switch_on(self._trunk[self.arms[hand].trunk], own.trunk)
         self._note(f"{hand.frame} reaches for a wall, in {first.left:.2f} s")
         return first
 
@@ -253,19 +253,18 @@ class HandSupport:
         arm, position = self.arms[hand], snapshot.position(hand.frame)
         left = 0.0
         for _ in range(3):  # fixed point: the goal depends on the time of contact
-            goal, shoulder = self._goal(snapshot, arm, hand, wall, left)
+            goal, shoulder = self._goal(snapshot, hand, wall, left)
             distance = float(np.linalg.norm(goal - position))
             by_acceleration = math.sqrt(PEAK_ACCELERATION * distance / arm.acceleration)
             left = max(PEAK * distance / arm.speed, by_acceleration)
         if float(np.linalg.norm(goal - shoulder)) > arm.length:
             return None
         velocity = snapshot.jacobian(hand.frame)[:3] @ snapshot.v
-        return Reaching(arm, hand, wall, SwingMotion(position, velocity, np.zeros(3)), left)
+        return Reaching(hand, wall, SwingMotion(position, velocity, np.zeros(3)), left)
 
-    def _goal(
-        self, snapshot: Snapshot, arm: Arm, hand: Hand, wall: Wall, left: float
-    ) -> tuple[Array, Array]:
+    def _goal(self, snapshot: Snapshot, hand: Hand, wall: Wall, left: float) -> tuple[Array, Array]:
         """Return the point (3,) that the hand should touch, and the shoulder's place then [m]."""
+        arm = self.arms[hand]
         shoulder = snapshot.position(arm.shoulder) + max(left, 0.0) * snapshot.com_velocity
         aim = shoulder - self.settings.below * arm.length * UP
         return wall.touched(aim, hand.radius), shoulder
@@ -283,7 +282,7 @@ class HandSupport:
             self._reach[hand].switch_off()
             self.controller.set_contacts([*self._active_contacts(), contact], ramp=own.ramp)
             self._note(f"{hand.frame} leans on the wall")
-            return Leaning(now.arm, hand, wall, contact)
+            return Leaning(hand, wall, contact)
         left = now.left - dt
         if left < -REACH_TIMEOUT:
             distance = math.dist(place, wall.touched(place, hand.radius))
@@ -291,7 +290,7 @@ class HandSupport:
             self._release(hand)
             return HandsFree()
         if left > 0.0:
-            goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
+            goal, _ = self._goal(snapshot, hand, wall, left)
             motion = towards(now.motion, goal, now.left, dt)
         else:
             motion = _approach(now.motion, -own.late * wall.normal, dt)
