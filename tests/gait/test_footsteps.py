@@ -6,7 +6,7 @@ import pytest
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets, in_plane
 from wbc.gait.foothold import Foothold
-from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
+from wbc.gait.footsteps import SIGN, first_swing, nominal_offset, nominal_step, other
 from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import SwingFoot, turned
@@ -39,7 +39,7 @@ def test_the_middle_moves_at_the_velocity(legs: Legs, velocity: tuple[float, ...
     gait = GaitSettings.of(legs)
     way, foot = 0j, "left"
     for _ in range(10):  # pairs of steps: sideways the leading foot does it all
-        way = way + Footsteps(gait).step(foot, 0.0, Velocity(*velocity))
+        way = way + nominal_step(gait, foot, 0.0, Velocity(*velocity))
         foot = other(foot)
     assert way == pytest.approx(10 * gait.times.total * complex(*velocity[:2]), abs=1e-12)
 
@@ -48,7 +48,7 @@ def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
     gait, heading, foot = GaitSettings.of(legs), 0.0, "left"
     place = 0.5j * gait.width
     for _ in range(20):
-        place = place + Footsteps(gait).step(foot, heading, Velocity(0.0, 0.0, 0.7))
+        place = place + nominal_step(gait, foot, heading, Velocity(0.0, 0.0, 0.7))
         heading, foot = heading + 0.7 * gait.times.total, other(foot)
         beside = turned(heading)[:2, :2] @ (0.0, 0.5 * SIGN[foot] * gait.width)
         assert place == pytest.approx(complex(*beside), abs=1e-12)
@@ -61,10 +61,10 @@ def test_the_offset_is_that_of_many_steps_ahead(
 ) -> None:
     gait, steps, here, heading = GaitSettings.of(legs), list[complex](), foot, 0.3
     for _ in range(30):  # 1e-24 of the first is what comes after them
-        steps.append(Footsteps(gait).step(here, heading, Velocity(*velocity)))
+        steps.append(nominal_step(gait, here, heading, Velocity(*velocity)))
         here, heading = other(here), heading + velocity[2] * gait.times.total
     expected = dcm_offsets(steps, gait.times, gait.omega)[0]
-    found = Footsteps(gait).offset(foot, 0.3, Velocity(*velocity))
+    found = nominal_offset(gait, foot, 0.3, Velocity(*velocity))
     assert found == pytest.approx(expected, abs=1e-12)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 from wbc.gait.command import Velocity
@@ -19,41 +18,37 @@ def other(side: str) -> str:
     return "right" if side == "left" else "left"
 
 
-@dataclass(frozen=True)
-class Footsteps:
-    """Nominal footsteps of a gait, in world axes, x + i y; feet are its width apart or more."""
+def nominal_step(gait: GaitSettings, support: str, heading: float, velocity: Velocity) -> complex:
+    """Return the displacement [m] from the foot ``support`` to the next, in world axes, x + i y.
 
-    gait: GaitSettings
+    The middle between the feet moves by v T, and they are the gait's width apart or more; sideways
+    the leading foot makes all of it, so that the trailing one need not cross the other.
 
-    def step(self, support: str, heading: float, velocity: Velocity) -> complex:
-        """Return the displacement [m] from the foot ``support`` to the next.
+    Parameters
+    ----------
+    heading:
+        Of the stance foot [rad].
+    """
+    return cmath.rect(1.0, heading) * _local_step(gait, support, velocity)
 
-        The middle between the feet moves by v T; sideways the leading foot makes all of it, so that
-        the trailing one need not cross the other.
 
-        Parameters
-        ----------
-        heading:
-            Of the stance foot [rad].
-        """
-        return cmath.rect(1.0, heading) * self._local_step(support, velocity)
+def nominal_offset(gait: GaitSettings, foot: str, heading: float, velocity: Velocity) -> complex:
+    """Return the DCM relative to a foot [m] at the beginning of its single support, likewise.
 
-    def offset(self, foot: str, heading: float, velocity: Velocity) -> complex:
-        """Return the DCM relative to a foot [m] at the beginning of its single support.
+    For an endless walk: each step counts for exp(-omega T) of the one before, as in
+    :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T: a
+    geometric series.
+    """
+    T = gait.times.total
+    decay = math.exp(-gait.omega * T)
+    q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
+    pair = _local_step(gait, foot, velocity) + q * _local_step(gait, other(foot), velocity)
+    gain = decay * shift_gain(gait.omega, gait.double)
+    return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
 
-        For an endless walk: each step counts for exp(-omega T) of the one before, as in
-        :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T:
-        a geometric series.
-        """
-        gait, T = self.gait, self.gait.times.total
-        decay = math.exp(-gait.omega * T)
-        q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
-        pair = self._local_step(foot, velocity) + q * self._local_step(other(foot), velocity)
-        gain = decay * shift_gain(gait.omega, gait.double)
-        return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
 
-    def _local_step(self, support: str, velocity: Velocity) -> complex:
-        return _step(SIGN[other(support)], velocity, self.gait.times.total, self.gait.width)
+def _local_step(gait: GaitSettings, support: str, velocity: Velocity) -> complex:
+    return _step(SIGN[other(support)], velocity, gait.times.total, gait.width)
 
 
 @lru_cache(maxsize=2)  # both feet's are needed in every tick, and most walks are steady

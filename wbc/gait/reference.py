@@ -6,7 +6,6 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeights, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
-from wbc.gait.footsteps import SIGN, Footsteps, other
+from wbc.gait.footsteps import SIGN, nominal_offset, nominal_step, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
 from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity_for
@@ -92,11 +91,6 @@ class StepPlanner:
     legs: Legs
     soles: dict[str, Array]
 
-    @cached_property
-    def footsteps(self) -> Footsteps:
-        """Nominal footsteps."""
-        return Footsteps(self.gait)
-
     def standing(self, now: GaitState) -> Reference:
         """Return the reference while standing: the middle between the feet."""
         middle = in_plane(now.middle)
@@ -121,7 +115,7 @@ class StepPlanner:
             last = end + prescribed_dcm_offsets(end, coming, self.gait)[0]
         else:
             ahead = heading + velocity.yaw_rate * left
-            last = end + self.footsteps.offset(phase.support, ahead, velocity)
+            last = end + nominal_offset(self.gait, phase.support, ahead, velocity)
         segment = VrpSegment(phase.start, end, phase.duration)
         wait = max(left - phase.duration, 0.0)
         left -= wait
@@ -231,7 +225,7 @@ class StepPlanner:
             dcm = np.array((now.dcm.real, now.dcm.imag))
             return bool(polygon_margin(hull, dcm) >= 0.0)
         start, place = now.place(phase.support), now.place(other(phase.support))
-        nominal = start + self.footsteps.step(phase.support, heading, velocity)
+        nominal = start + nominal_step(self.gait, phase.support, heading, velocity)
         return velocity.at_rest and abs(place - nominal) < HALT_DISTANCE
 
     def adapt(
@@ -255,8 +249,8 @@ class StepPlanner:
             yaw, weights = heading, WEIGHTS
             stance_heading = heading - velocity.yaw_rate * phase.elapsed
             landing_heading = heading + velocity.yaw_rate * phase.left
-            to_next = self.footsteps.step(support, stance_heading, velocity)
-            offset = self.footsteps.offset(other(support), landing_heading, velocity)
+            to_next = nominal_step(gait, support, stance_heading, velocity)
+            offset = nominal_offset(gait, other(support), landing_heading, velocity)
         rotation = cmath.rect(1.0, yaw)
         to_stance = rotation.conjugate()  # to the axes of the stance foot
 
