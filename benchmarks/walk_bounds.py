@@ -33,7 +33,7 @@ from walk_pushes import LASTING, PHASES, SIDES, SPEED
 from wbc.gait import Velocity, Walker
 from wbc.gait.adaptation import REST_RANGE
 from wbc.gait.dcm import shift_gain
-from wbc.gait.footsteps import SIGN, Footsteps, other
+from wbc.gait.footsteps import SIGN, nominal_offset, nominal_step, other
 from wbc.gait.reference import CATCH_ACCELERATION, MAX_TIME_RATIO, MIN_TIME_RATIO
 from wbc.gait.whole_body import heaviest_link
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
@@ -75,15 +75,13 @@ def walks(name: str, side: str, rate: float, turn: float) -> Walk:
     robot = robot_named(name)
     walker = Walker(robot)
     gait, limits, axis = walker.gait, walker.limits, 0 if side in AHEAD else 1
-    velocity, footsteps = Velocity(SPEED[name], 0.0, 0.0), Footsteps(gait)
+    velocity = Velocity(SPEED[name], 0.0, 0.0)
     start = robot.snapshot(robot.posture("standing"))
     above = float(start.position(heaviest_link(robot))[2] - start.com[2])
     mass, omega, swing = robot.mass, gait.omega, other(SUPPORT)
-    ways = [footsteps.step(foot, 0.0, velocity) for foot in (SUPPORT, swing)]
-    step, offset = (
-        [(way.real, way.imag)[axis] for way in ways],
-        footsteps.offset(swing, 0.0, velocity),
-    )
+    ways = [nominal_step(gait, foot, 0.0, velocity) for foot in (SUPPORT, swing)]
+    step = [(way.real, way.imag)[axis] for way in ways]
+    offset = nominal_offset(gait, swing, 0.0, velocity)
     far, aside = limits.catch, (gait.least_width, limits.catch_aside)
     beside = [sorted(SIGN[foot] * a for a in aside) for foot in (swing, SUPPORT)]
     reach = [(-far, far)] * 2 if axis == 0 else [(low, high) for low, high in beside]
