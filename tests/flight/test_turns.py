@@ -183,9 +183,24 @@ def test_unusable_numbers_of_a_turn_are_refused(hoap2: wbc.Robot) -> None:
         ({"joints": []}, "turn, joints: name at least one"),
         ({"cycles": 2.7}, "turn, cycles: expected a whole number"),
         ({"seed": -1}, "turn, seed: must be at least 0"),
+        ({"collision": 0.02}, r"turn, collision: expected a SelfCollision, .* got 0\.02"),
     ):
         with pytest.raises(wbc.WbcError, match=words):
             plan_turn(hoap2, [0.0, 0.3, 0.0], **wrong)
+
+
+def test_a_robot_that_is_bolted_down_does_not_turn() -> None:
+    """A path came back, and the base stayed where it was."""
+    with pytest.raises(wbc.WbcError, match="turn: the base of hoap2_like is fixed"):
+        plan_turn(wbc.Robot.load("hoap2_like", base="fixed"), [0.0, 0.0, 0.05])
+
+
+def test_bodies_of_which_no_pair_is_watched_do_not_hinder(hoap2: wbc.Robot) -> None:
+    """The least of no distances was a ValueError."""
+    nothing = wbc.SelfCollision(hoap2, exclude=[("*", "*")])
+    way = [0.0, 0.0, 0.05]
+    turns = [plan_turn(hoap2, way, collision=one, starts=1) for one in (nothing, None)]
+    np.testing.assert_array_equal(turns[0].coefficients, turns[1].coefficients)
 
 
 def test_margins_that_leave_no_range_are_no_turn(hoap2: wbc.Robot) -> None:

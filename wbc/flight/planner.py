@@ -20,10 +20,11 @@ from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, WbcError
 from wbc.flight.connection import rotation_of, turning_rate
 from wbc.flight.rounds import CHECK_PHASES, JointLoop, Rounds, even_phases, harmonics
-from wbc.kinds import whole_number
+from wbc.kinds import check_kind, whole_number
 from wbc.robot import Robot, Snapshot
 from wbc.robot.chains import followers
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
 from wbc.robot.tree import refuse_loops
 from wbc.rotations import log_rotation
 from wbc.validate import Array, finite_array, finite_number, names_of, read_only
@@ -97,13 +98,18 @@ def plan_turn(
     Raises
     ------
     InvalidInputError
-        A rotation of zero or beyond half a turn, no cycles or joints, or a robot with closed loops.
+        A rotation of zero or beyond half a turn, no cycles or joints, or a robot with closed loops
+        or on a fixed base.
     UnknownNameError
         A pattern that matches no joint.
     NoTurnError
         No start converged; more cycles make it easier.
     """
+    check_robot("turn, robot", robot)
     refuse_loops("turn", robot)
+    if robot.fixed_base:
+        raise InvalidInputError(f"turn: the base of {robot.name} is fixed; load it floating")
+    check_kind("turn, collision", collision, SelfCollision, "SelfCollision(robot)", or_none=True)
     total = finite_array("turn, rotation", rotation, (3,))
     angle = float(np.linalg.norm(total))
     if not 0.0 < angle <= np.pi:
@@ -232,7 +238,7 @@ class _Problem:
     def _distance_rows(self, loop: JointLoop) -> tuple[Rows, float, str]:
         """Return the rows of near pairs, the smallest clearance [m], and its pair."""
         rows, smallest, pair = Rows(), np.inf, "nothing"
-        if self.collision is None:
+        if self.collision is None or not len(self.collision.model.pairs):
             return rows, smallest, pair
         basis = harmonics(even_phases(DISTANCE_PHASES), HARMONICS)
         moved = loop.at(even_phases(DISTANCE_PHASES))[:, self.moving] - loop.start[self.moving]
