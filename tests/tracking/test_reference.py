@@ -1,13 +1,17 @@
 """A plan as targets over time, against differences, Newton and Euler, and the robot itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tests.tracking.conftest import crouching
 from wbc.errors import InvalidInputError
 from wbc.rmp.ground import centre_of_pressure
-from wbc.rmp.plan import Plan
+from wbc.rmp.plan import Plan, PlanPhase, solve
 from wbc.robot import Snapshot
 from wbc.spatial import vech
+from wbc.tracking.pendulum import RobotPendulum
 from wbc.tracking.reference import STEP, PlanReference
 
 BEGINS = 0.25
@@ -72,6 +76,17 @@ def test_flight_is_ballistic_and_its_cop_moves_to_the_landing(hop: Plan, start: 
     np.testing.assert_allclose(
         target.cop, (1.0 - part[:, None]) * cop[0] + part[:, None] * cop[1], atol=1e-3
     )
+
+
+def test_a_plan_that_is_all_flight_has_its_cop_below_the_com(
+    own: RobotPendulum, start: Snapshot
+) -> None:
+    """It was interpolated between no places: a ValueError."""
+    up, down = (replace(own.rest, com_velocity=(0.0, 0.0, v)) for v in (0.5, -0.5))
+    fly = PlanPhase("fly", 2.0 * 0.5 / own.pendulum.gravity, None, 6)
+    plan = solve(crouching(own, start=up, goal=down, schedule=(fly,)))
+    target = PlanReference(plan, start, flights=True).at(0.05)
+    np.testing.assert_allclose(target.cop, (*target.com[:2], 0.0), atol=1e-9)
 
 
 def test_targets_begin_at_the_standing_robot(reference: PlanReference, start: Snapshot) -> None:

@@ -161,7 +161,7 @@ class MotionReference:
             com_acceleration=com_acceleration,
             momentum=np.hstack((m * com_velocity, whole.momentum[:, 3:])),
             momentum_rate=np.hstack((m * com_acceleration, k_rate)),
-            cop=cop_on_ground(cop, np.arange(float(len(cop)))),
+            cop=cop_on_ground(cop, com, np.arange(float(len(cop)))),
             inertia=inertia,
             inertia_rate=inertia_rate,
             inertia_acceleration=np.gradient(inertia_rate, dt, axis=0),

@@ -149,16 +149,21 @@ def _table(motion: Trajectory, mass: float) -> PlanTarget:
         com_acceleration=motion.com_acceleration,
         momentum=np.hstack((mass * motion.com_velocity, motion.momentum)),
         momentum_rate=np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
-        cop=cop_on_ground(motion.cop, motion.time),
+        cop=cop_on_ground(motion.cop, motion.com, motion.time),
         inertia=inertia,
         inertia_rate=rate,
         inertia_acceleration=acceleration,
     )
 
 
-def cop_on_ground(cop: Array, time: Array) -> Array:
-    """Return the CoP (n, 3) of (n, 2), at z = 0, linearly interpolated where there is none."""
+def cop_on_ground(cop: Array, com: Array, time: Array) -> Array:
+    """Return the CoP (n, 3) of (n, 2), at z = 0, linearly interpolated where there is none.
+
+    Without any, in a motion that is all flight, it is below the CoM (n, 3).
+    """
     known = np.isfinite(cop).all(axis=1)
+    if not known.any():
+        cop, known = com[:, :2], ~known
     columns = [np.interp(time, time[known], one[known]) for one in cop.T]
     return np.column_stack((*columns, np.zeros(len(cop))))
 
