@@ -190,6 +190,21 @@ def test_feet_take_turns(able: StepRange, feet: dict[str, Array]) -> None:
         able.admitted([], feet)
 
 
+def test_feet_that_are_edges_walk_on_footsteps(hoap2: Robot) -> None:
+    """Each was refused: an edge has no inside that the other foot could be over."""
+    edge = [[0.05, 0.0], [-0.05, 0.0]]
+    feet = {
+        side: {"link": foot.link, "polygon": edge, "height": 0.02}
+        for side, foot in hoap2.feet.items()
+    }
+    robot = Robot.load("hoap2_like", feet=feet)
+    able, here = StepRange.of(robot, GaitSettings.of(Legs.of(robot))), robot.posture("standing")
+    stands = sole_poses(robot.snapshot(here))
+    assert able.admitted([Footstep("left", 0.02, 0.08)], stands, relative=True)
+    assert able._overlap("left", Footstep("left", 0.0, 0.02, yaw=0.5))
+    assert not able._overlap("left", Footstep("left", 0.0, 0.03, yaw=0.5))
+
+
 @pytest.mark.parametrize("given", ["left", 3, None, [(0.1, 0.2)], ["left"]])
 def test_what_are_no_footsteps_is_refused(
     able: StepRange, feet: dict[str, Array], given: Any

@@ -20,7 +20,7 @@ from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned
 from wbc.kinds import switch
 from wbc.minimum_jerk import PEAK
-from wbc.polygon import half_planes
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.run.phase_support import Ground
 from wbc.validate import Array, list_of
@@ -236,11 +236,7 @@ class StepRange:
             )
 
     def _overlap(self, foot: str, step: Footstep) -> bool:
-        """Return whether the sole at ``step`` lies over the other one (separating axes)."""
+        """Return whether the sole at ``step`` lies over the other one (Minkowski difference)."""
         own = self.corners[foot] @ turned(step.yaw)[:2, :2].T + step.place
-        others = self.corners[other(foot)]
-        pairs = [(own, others), (others, own)]
-        return not any(
-            np.any((corners @ normals.T - offsets).min(axis=0) >= 0.0)
-            for corners, (normals, offsets) in ((a, half_planes(b)) for a, b in pairs)
-        )
+        apart = (own[:, None] - self.corners[other(foot)]).reshape(-1, 2)
+        return bool(polygon_margin(convex_hull(apart), np.zeros(2)) > ROUNDING)
