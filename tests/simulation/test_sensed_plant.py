@@ -23,6 +23,7 @@ from wbc.simulation import (
     FootSwitches,
     Imu,
     MessageBus,
+    MotorTorques,
     Plant,
     SensedPlant,
     Sensors,
@@ -99,6 +100,17 @@ def test_devices_measure_as_they_are_said_to(hoap2: Robot) -> None:
             wrong()
     with pytest.raises(InvalidInputError, match="bus, loss"):
         MessageBus(loss=1.0)
+
+
+def test_motor_currents_tell_the_torques_that_act(hoap2: Robot) -> None:
+    """With a latency they told those that were commanded, and not there yet."""
+    plant = Plant(hoap2, sensors=Sensors(latency=0.004))
+    sensing = Sensing(plant, Devices(torques=MotorTorques(noise=0.0, friction=0.0, gain=0.0)))
+    for k in range(5):
+        plant.step(np.full(hoap2.nv - 6, 0.01 * (k + 1)))
+        sensing.read(plant)
+        (m,) = sensing.received(plant.time)
+        np.testing.assert_array_equal(m.torques, 0.01 * max(k - 1, 1))
 
 
 @pytest.mark.parametrize(

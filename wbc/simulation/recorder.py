@@ -27,7 +27,7 @@ class Recorder:
     The first row is the state at which it is made. Arrays, one row each:
 
     ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv): the true state.
-    ``torque`` (n, nv-6): held over the period that ended then [N m or N].
+    ``torque`` (n, nv-6): commanded for the period that ended then [N m or N].
     ``forces/FRAME`` (n, 6): true ones on each sole, at its frame's origin, world axes; of the
     physics' last step. ``cop`` (n, 3): of all contacts but walls [m], NaN in the air.
     ``planned_forces/FRAME``, ``planned_cop``: those of the controller's tick, NaN without one.

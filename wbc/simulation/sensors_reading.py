@@ -112,7 +112,8 @@ class Sensing:
             seen = encoders.resolution * np.round(seen / encoders.resolution)
         torque = None
         if devices.torques is not None:
-            torque = self._gain * plant.torque + devices.torques.noise * white[1]
+            acting = plant.states.torques_from_mujoco(plant.data.qfrc_applied)  # after a latency
+            torque = self._gain * acting + devices.torques.noise * white[1]
             torque += devices.torques.friction * self._friction * np.clip(rates / RAMP, -1.0, 1.0)
         pressed = None
         if devices.feet is not None:

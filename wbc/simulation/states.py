@@ -84,3 +84,7 @@ class StateMap:
         self.robot.limits.write_positions(q, qpos[self._at_q])
         v[BASE_NV:] = qvel[self._at_v]
         return q, v
+
+    def torques_from_mujoco(self, forces: Array) -> Array:
+        """Return the joint torques (nv-6,) of generalised forces; a new array."""
+        return forces[self._at_v]
