@@ -154,6 +154,13 @@ def test_a_recording_is_read_by_analyze(tmp_path: Path) -> None:
         )
 
 
+def test_no_part_of_a_duration_is_left_out() -> None:
+    """It was rounded to periods, half of one to none: nothing was simulated, in silence."""
+    robot = load("hoap2_like")
+    for duration, periods in ((0.0005, 1), (2.5 * DT, 3), (3.0 * DT, 3)):
+        assert len(list(simulate(standing(robot), Plant(robot, dt=DT), duration))) == periods
+
+
 def test_a_trial_of_a_slower_controller_has_its_ticks_at_their_times() -> None:
     """They were a period of the plant before their ends, and half of them was said to be to do."""
     robot = load("hoap2_like")

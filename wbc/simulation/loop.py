@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from time import perf_counter, thread_time
 from typing import NamedTuple
 
-from wbc.controllers.closed_loop import Update, check_period
+from wbc.controllers.closed_loop import Update, check_period, ticks_of
 from wbc.controllers.controller import Controller
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
@@ -72,7 +72,7 @@ def simulate(
     controller:
         With the period, and torques: a :class:`~wbc.controllers.torque.TorqueController`.
     duration:
-        [s].
+        [s]; the last period is whole.
     update:
         Called before each command with the period's number and the measured state; returns the
         controller of this period, or None to end.
@@ -99,7 +99,7 @@ def simulate(
             f" {plant.robot!r} must be the same object; for errors of the model see ModelMismatch"
         )
     dt = controller.dt
-    total = round(finite_number("simulate, duration", duration, above=0.0) / dt)
+    total = ticks_of(finite_number("simulate, duration", duration, above=0.0), dt)
     watch = FallWatch(plant, falls or STANDING_LIMITS)
     tick: TorqueTick | None = None
     snapshot: Snapshot | None = None
