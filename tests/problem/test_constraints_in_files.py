@@ -10,6 +10,7 @@ from wbc.errors import ProblemFileError
 from wbc.polygon import polygon_margin
 from wbc.problem import load_problem
 from wbc.reduction import support_polygon
+from wbc.run import RunStatus
 
 BOX = "type: box, frame: base, lower: [-9, -9, -9]"
 # The base asked to sink.
@@ -101,6 +102,16 @@ def test_a_moving_obstacle_pushes_the_hand_away_and_starts_anew_each_run(tmp_pat
         ball = np.array((0.25 - 0.15 * time, 0.16, 0.2))
         assert np.linalg.norm(first.robot.snapshot(q).position("left_hand") - ball) > 0.03
     assert not first.failures
+
+
+def test_a_robot_at_rest_waits_for_an_obstacle_that_comes(tmp_path: Path) -> None:
+    ball = "sphere: 0.05, position: [0.6, 0, 0.45], velocity: [-0.2, 0, 0]"
+    text = BASE.replace(BOX, f"type: obstacles, things: {{ball: {{{ball}}}}}")
+    text = text.replace("{duration: 1.5, speed: null}", "{duration: 0.5}")
+    result = problem(tmp_path, text).run()
+    assert (result.status, len(result.history)) == (RunStatus.COMPLETED, 100)
+    with pytest.raises(ProblemFileError, match=r"stop.speed: obstacles move, so that the whole"):
+        problem(tmp_path, text, **{"stop.speed": 1e-4})
 
 
 def test_a_soft_box_gives_way(tmp_path: Path) -> None:

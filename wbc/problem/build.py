@@ -262,6 +262,9 @@ def _check_times(spec: ProblemSpec, mistakes: Mistakes) -> None:
         text = "belongs to the velocity level; a simulation lasts for simulation.duration"
     for key in sorted(elsewhere) if text else ():
         mistakes.note(("stop", key), text)
+    if not text and spec.surroundings_move and spec.stop.speed and "speed" in elsewhere:
+        moving = "obstacles move, so that the whole duration is run; leave this out"
+        mistakes.note(("stop", "speed"), moving)
     for name, task in spec.tasks.items():
         ramp = getattr(task, "ramp", None)
         if ramp is not None and spec.phases is not None:

@@ -35,6 +35,11 @@ class ConstraintSpec(Section):
     """Weight of the squared slack [1/(m/s)^2] of a constraint that may give way; left out: hard.
     The search of method global knows those that are hard."""
 
+    @property
+    def moves(self) -> bool:
+        """Whether it changes while the robot is at rest."""
+        return False
+
     @abstractmethod
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
         """Return the constraint, for a robot that starts at ``start``.

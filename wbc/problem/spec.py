@@ -94,7 +94,7 @@ class StopSpec(Section):
     """Longest time to run [s]."""
     speed: Positive | None = default_of(Stop, "speed")
     """The robot is at rest, and the run over, when no velocity is above this [rad/s, m/s] for ten
-    ticks in a row; null: always run for the whole duration."""
+    ticks in a row; null, or where obstacles move: always run for the whole duration."""
     accept: dict[Name, Positive] = Field(default_factory=dict)
     """Tolerance on the norm of a task's error at the end, by the task's name."""
     balance: Number | None = default_of(Stop, "balance")
@@ -158,6 +158,11 @@ class ProblemSpec(Section):
         return None if level else self.simulation.ground().height
 
     @property
+    def surroundings_move(self) -> bool:
+        """Whether an obstacle moves, which a robot at rest has to wait for."""
+        return any(constraint.moves for constraint in self.constraints.values())
+
+    @property
     def timed_by(self) -> str:
         """Name of the section that sets the duration if there are no phases."""
         return "simulation" if self.controller.level == "torque" else "stop"
@@ -166,13 +171,15 @@ class ProblemSpec(Section):
     def whole_stop(self) -> StopSpec:
         """When the run ends: as in ``stop``, but after the last phase if there are phases.
 
+        Where obstacles move the whole duration is run, whether the robot is at rest or not.
+
         A simulation ends after its own duration; other criteria of ``stop`` are used as given: a
         push may move the CoM out of the soles.
         """
-        update: dict[str, float | None] = {}
+        update: dict[str, float | None] = {"speed": None} if self.surroundings_move else {}
         if self.controller.level == "torque":
             given = self.stop.model_fields_set
-            update = dict.fromkeys({"balance", "slip", "margins"} - given)
+            update |= dict.fromkeys({"balance", "slip", "margins"} - given)
             update |= {"duration": self.simulation.duration, "speed": None}
         if self.phases is not None:
             duration = sum(phase.duration for phase in self.phases.values())

@@ -144,6 +144,11 @@ class ObstaclesSpec(ConstraintSpec):
     fit: Annotated[str, Words(FITS)] = default_of(Obstacles, "fit")
     """What meshes are replaced by; hulls are closer and slower."""
 
+    @property
+    def moves(self) -> bool:
+        """Whether an obstacle moves."""
+        return any(any(thing.velocity) for thing in self.things.values())
+
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
         """Return the constraint, with its obstacles at their initial positions."""
         things = [(spec, spec.build(name)) for name, spec in self.things.items()]
