@@ -207,6 +207,18 @@ def test_a_hand_pressed_on_an_obstacle_stops_at_the_margin(hoap2, here, obstacle
     assert held
 
 
+@pytest.mark.parametrize("acceleration", [None, 4.0])
+def test_a_standing_robot_is_not_moved_by_what_is_metres_away(hoap2, here, acceleration) -> None:
+    """Links near the base are hardly moved by their own joints, but by the legs."""
+    limits = Limits(hoap2, acceleration=acceleration)
+    ball = Obstacle.sphere("ball", here.com + (4.0, 0.0, 0.0), 0.1)
+    around = Obstacles(hoap2, [ball], limits=limits)
+    ball.move(np.eye(3), np.zeros(3), (-0.4, 0.0, 0.0))
+    rows = around.rows(here, DT)
+    assert rows.push is None
+    assert rows.lower.max() < -1.0  # m/s
+
+
 def test_rows_follow_a_moving_obstacle(hoap2, here, rng) -> None:
     """rate is the slope of the distance while the robot stands still."""
     things = [

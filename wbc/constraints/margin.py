@@ -85,7 +85,8 @@ class Margin(DeclaredAttributes, Constraint):
     braking:
         How fast clearance may be used up.
     limits:
-        If given, braking counts on no more than half of their joint accelerations.
+        If given, braking counts on no more than half of their joint accelerations, and on the least
+        of these, a metre away, for what legs do to a floating base.
 
     Attributes
     ----------
@@ -237,14 +238,20 @@ class Margin(DeclaredAttributes, Constraint):
         law, rows = asdict(self.braking), np.ascontiguousarray(distances.jacobian, dtype=float)
         m, nv, least = len(rows), self.robot.nv, np.empty(len(rows))
         margin, acceleration = ffi.new("wbc_margin *", law), self._joint_acceleration
-        if acceleration is not None:
-            margin.acceleration = pointer(acceleration)
         clearance = np.ascontiguousarray(distances.clearance, dtype=float)
         if rows.shape != (m, nv) or clearance.shape != (m,):
             raise InvalidInputError(
                 f"{self.name}: distances() must return clearances (m,) and their Jacobian"
                 f" (m, {nv}); got {clearance.shape} and {rows.shape}"
             )
+        if acceleration is not None:
+            if not self.robot.fixed_base:
+                # Legs brake the base as one more joint: a link near it, which its own joints hardly
+                # move, would else brake for what is metres away.
+                legs = lib.wbc_lever * acceleration.min(initial=np.inf)
+                acceleration = np.append(acceleration, legs)
+                rows, nv = np.column_stack((rows, np.abs(rows[:, :3]).sum(axis=1))), nv + 1
+            margin.acceleration = pointer(acceleration)
         lib.wbc_approach(margin, nv, dt, m, *map(doubles, (rows, clearance, least)))
         return least
 
