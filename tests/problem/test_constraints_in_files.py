@@ -104,6 +104,13 @@ def test_a_moving_obstacle_pushes_the_hand_away_and_starts_anew_each_run(tmp_pat
     assert not first.failures
 
 
+def test_a_pseudo_inverse_takes_soft_constraints_only(tmp_path: Path) -> None:
+    baseline = {"controller": {"method": "pseudo_inverse"}}
+    with pytest.raises(ProblemFileError, match="constraints.one: a pseudo-inverse keeps"):
+        problem(tmp_path, BASE, **baseline)
+    problem(tmp_path, BASE, **baseline, **{"constraints.one.slack": 1.0})
+
+
 def test_a_robot_at_rest_waits_for_an_obstacle_that_comes(tmp_path: Path) -> None:
     ball = "sphere: 0.05, position: [0.6, 0, 0.45], velocity: [-0.2, 0, 0]"
     text = BASE.replace(BOX, f"type: obstacles, things: {{ball: {{{ball}}}}}")

@@ -21,7 +21,7 @@ from wbc.gait.hand_support import HandSupport
 from wbc.gait.legs import check_biped
 from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
-from wbc.problem.controller_spec import GlobalSpec, SolverSettings
+from wbc.problem.controller_spec import GlobalSpec, PseudoInverseSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
 from wbc.problem.levels import REMEDY, TORQUE, check_level
 from wbc.problem.mistakes import Mistakes
@@ -87,6 +87,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     _check_stop(spec, mistakes)
     if isinstance(spec.controller, GlobalSpec):
         check_global(spec, mistakes)
+    for name, constraint in spec.constraints.items():
+        if isinstance(spec.controller, PseudoInverseSpec) and constraint.slack is None:
+            text = "a pseudo-inverse keeps no hard constraint; give slack, or leave this out"
+            mistakes.note(("constraints", name), text)
     limits: Limits | None = None
     if not isinstance(spec.limits, str):
         limits = mistakes.require(("limits",), partial(spec.limits.build, robot))
