@@ -106,7 +106,7 @@ def test_a_moving_obstacle_pushes_the_hand_away_and_starts_anew_each_run(tmp_pat
 
 def test_a_pseudo_inverse_takes_soft_constraints_only(tmp_path: Path) -> None:
     baseline = {"controller": {"method": "pseudo_inverse"}}
-    with pytest.raises(ProblemFileError, match="constraints.one: a pseudo-inverse keeps"):
+    with pytest.raises(ProblemFileError, match=r"constraints.one: a pseudo-inverse keeps"):
         problem(tmp_path, BASE, **baseline)
     problem(tmp_path, BASE, **baseline, **{"constraints.one.slack": 1.0})
 
