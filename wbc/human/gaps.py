@@ -134,26 +134,31 @@ def interpolate_gaps(
     return positions, found
 
 
-def fill_gaps_by_fit(
-    time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
-) -> tuple[Array, list[Dropout]]:
-    """Fill gaps of positions (n, m, 3) by the fit; return them and the gaps.
+def gaps_of(time: Array, positions: Array, labels: tuple[str, ...]) -> list[Dropout]:
+    """Return the gaps of the markers that are seen at some times, of positions (n, m, 3)."""
+    found = list[Dropout]()
+    for label, missing in zip(labels, ~np.isfinite(positions).all(axis=2).T, strict=True):
+        for first, end in runs(missing) if not missing.all() else ():
+            before, after = time[max(first - 1, 0)], time[min(end, len(time) - 1)]
+            found.append(_repaired(MISSING, before, after, label))
+    return found
+
+
+def fill_gaps_by_fit(time: Array, observed: Array, fitted: Array) -> Array:
+    """Return positions (n, m, 3) whose gaps are filled by the fit.
 
     A marker that appears or disappears would move the fit by its residual at once, so the residual
     is interpolated linearly across the gap and added. Markers that are never seen stay NaN.
     """
-    observed, found = observed.copy(), list[Dropout]()
-    for k, label in enumerate(labels):
+    observed = observed.copy()
+    for k in range(observed.shape[1]):
         seen = np.asarray(np.isfinite(observed[:, k]).all(axis=1))
         if not seen.any() or seen.all():
             continue
         residual = observed[seen, k] - fitted[seen, k]
         bridge = np.column_stack([np.interp(time, time[seen], part) for part in residual.T])
         observed[~seen, k] = (fitted[:, k] + bridge)[~seen]
-        for first, end in runs(~seen):
-            before, after = time[max(first - 1, 0)], time[min(end, len(time) - 1)]
-            found.append(_repaired(MISSING, before, after, label))
-    return observed, found
+    return observed
 
 
 def swap_back(

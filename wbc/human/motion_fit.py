@@ -25,6 +25,7 @@ from wbc.human.fit import (
 )
 from wbc.human.gaps import (
     fill_gaps_by_fit,
+    gaps_of,
     interpolate_gaps,
     longest_without_jump,
     remove_ghosts,
@@ -367,10 +368,9 @@ def _repair(
     """Return markers without ghosts and gaps, and which there were."""
     names = found.markers.names
     fitted = found.markers.positions(found.markers.frames(poses))
+    gaps = gaps_of(time, observed, names)
     observed, ghosts = remove_ghosts(time, observed, fitted, names)
-    observed, gaps = fill_gaps_by_fit(time, observed, fitted, names)
-    gaps = [one for one in gaps if not any(one.columns == g.columns for g in ghosts)]
-    return observed, [*ghosts, *gaps]
+    return fill_gaps_by_fit(time, observed, fitted), [*ghosts, *gaps]
 
 
 def _motion(
