@@ -25,7 +25,7 @@ from wbc.human.kinematics import (
 )
 from wbc.human.landmarks import Landmark
 from wbc.rotations import same_sign
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # Initial angles: straight knees and elbows could bend either way.
 INITIAL_ANGLES = np.array(
@@ -163,14 +163,14 @@ def escape_local_minima(poses: Poses, cost: Array, observed: Array, markers: Mar
 
 def bridge_untold(
     time: Array, poses: Poses, observed: Array, markers: MarkerSet
-) -> tuple[Poses, NDArray[np.bool_]]:
+) -> tuple[Poses, Bools]:
     """Return postures (n) whose coordinates follow their neighbours in time where no marker tells.
 
     There the fit has only its prior: a foot without markers would jump to neutral and back, and a
     human out of view to the posture of a key frame. Also which coordinates (n, 40) these are:
     those whose standard deviation grows too much by the markers that are not seen.
     """
-    missing: NDArray[np.bool_] = ~np.asarray(np.isfinite(observed).all(axis=2))
+    missing: Bools = ~np.asarray(np.isfinite(observed).all(axis=2))
     never = missing.all(axis=0)
     missing &= ~never
     untold = np.zeros((len(poses), DOFS), dtype=bool)
@@ -199,7 +199,7 @@ def bridge_untold(
     return found, untold
 
 
-def _interpolate(time: Array, values: Array, untold: NDArray[np.bool_]) -> None:
+def _interpolate(time: Array, values: Array, untold: Bools) -> None:
     """Interpolate values (n, ...) in place; at both ends they are those of the nearest frame."""
     told = time[~untold]
     if untold.any() and len(told) > 1:

@@ -6,12 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wbc.human.markers import MarkerRecording
 from wbc.motion.dropouts import MISSING, Dropout, insert_rows, missing_frames, runs
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # A ghost is farther from the fit than the first [m] and than this factor times its usual residual.
 GHOST_DISTANCE, GHOST_FACTOR = 0.12, 6.0
@@ -137,10 +136,11 @@ def interpolate_gaps(
 def gaps_of(time: Array, positions: Array, labels: tuple[str, ...]) -> list[Dropout]:
     """Return the gaps of the markers that are seen at some times, of positions (n, m, 3)."""
     found = list[Dropout]()
-    for label, missing in zip(labels, ~np.isfinite(positions).all(axis=2).T, strict=True):
-        for first, end in runs(missing) if not missing.all() else ():
+    seen: Bools = np.asarray(np.isfinite(positions).all(axis=2))
+    for k in np.flatnonzero(seen.any(axis=0)).tolist():
+        for first, end in runs(~seen[:, k]):
             before, after = time[max(first - 1, 0)], time[min(end, len(time) - 1)]
-            found.append(_repaired(MISSING, before, after, label))
+            found.append(_repaired(MISSING, before, after, labels[k]))
     return found
 
 
@@ -162,7 +162,7 @@ def fill_gaps_by_fit(time: Array, observed: Array, fitted: Array) -> Array:
 
 
 def swap_back(
-    time: Array, positions: Array, labels: tuple[str, ...], fixed: NDArray[np.bool_]
+    time: Array, positions: Array, labels: tuple[str, ...], fixed: Bools
 ) -> tuple[Array, list[Dropout]]:
     """Swap back swapped labels of positions (n, m, 3); return them and the swaps.
 
