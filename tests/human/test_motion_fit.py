@@ -402,6 +402,17 @@ def test_human_is_fitted_only_while_in_view() -> None:
     assert human.rms < 5e-3
 
 
+def test_cuts_that_leave_few_frames_are_refused_with_their_reason() -> None:
+    """One frame in view was an IndexError in a quantile."""
+    recording, _ = recorded(BODY, seconds=0.5)
+    hidden, spliced = recording.positions.copy(), recording.positions.copy()
+    hidden[:20] = hidden[21:] = np.nan
+    spliced += (np.arange(50) // 5)[:, None, None]
+    for here, words in ((hidden, "1 of 50 frames.*not seen"), (spliced, "5 of 50 frames.*jumps")):
+        with pytest.raises(InvalidInputError, match=words):
+            human_motion(replace(recording, positions=here))
+
+
 def test_frames_that_a_file_leaves_out_are_told() -> None:
     """A spline bridged them in silence."""
     recording, _ = recorded(BODY, seconds=3.0)

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from wbc.errors import InvalidInputError
 from wbc.human.markers import MarkerRecording
 from wbc.motion.dropouts import MISSING, Dropout, insert_rows, missing_frames, runs
+from wbc.motion.recording import MIN_ROWS
 from wbc.validate import Array, Bools
 
 # A ghost is farther from the fit than the first [m] and than this factor times its usual residual.
@@ -34,12 +36,12 @@ def while_in_view(
     """
     count = np.isfinite(recording.positions[:, recording.columns(names)]).all(axis=2).sum(axis=1)
     seen = np.flatnonzero(count >= MIN_SEEN * count.max())
-    part = slice(seen[0], seen[-1] + 1)
-    time = recording.time[part]
-    if len(time) == len(recording.time):
+    first, end = seen[0], seen[-1] + 1
+    if end - first == len(count):
         return recording, ()
-    note = f"taken from {time[0]:.2f} to {time[-1]:.2f} s: elsewhere most markers are not seen"
-    return replace(recording, time=time, positions=recording.positions[part]), (note,)
+    start, stop = recording.time[[first, end - 1]]
+    note = f"taken from {start:.2f} to {stop:.2f} s: elsewhere most markers are not seen"
+    return _part_of(recording, first, end, note), (note,)
 
 
 def longest_without_jump(
@@ -65,15 +67,14 @@ def longest_without_jump(
         return recording, notes
     ends = np.array((0, *jumps, len(time)))
     longest = int(np.diff(ends).argmax())
-    part = slice(ends[longest], ends[longest + 1])
+    first, end = ends[longest : longest + 2]
     times = ", ".join(f"{time[k]:.3f} s" for k in jumps[:NAMED_JUMPS])
     times += " ..." * (len(jumps) > NAMED_JUMPS)
     note = (
-        f"the whole body jumps at {times}, as from a T-pose: taken from {time[part.start]:.3f} to"
-        f" {time[part.stop - 1]:.3f} s"
+        f"the whole body jumps at {times}, as from a T-pose: taken from {time[first]:.3f} to"
+        f" {time[end - 1]:.3f} s"
     )
-    part_of = replace(recording, time=time[part], positions=recording.positions[part])
-    return part_of, (*notes, note)
+    return _part_of(recording, first, end, note), (*notes, note)
 
 
 def with_missing_frames(recording: MarkerRecording) -> MarkerRecording:
@@ -84,6 +85,17 @@ def with_missing_frames(recording: MarkerRecording) -> MarkerRecording:
     rows = recording.positions.reshape(len(recording.time), -1)
     time, rows = insert_rows(recording.time, rows, gaps)
     return replace(recording, time=time, positions=rows.reshape(len(time), -1, 3))
+
+
+def _part_of(recording: MarkerRecording, first: int, end: int, why: str) -> MarkerRecording:
+    count = len(recording.time)
+    if end - first < MIN_ROWS:
+        raise InvalidInputError(
+            f"{recording.source}: {end - first} of {count} frames are left, and at least {MIN_ROWS}"
+            f" are needed: {why}"
+        )
+    part = slice(first, end)
+    return replace(recording, time=recording.time[part], positions=recording.positions[part])
 
 
 def _largest_step(dt: float) -> float:
