@@ -835,6 +835,7 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
 
 def test_recordings_from_wrong_arrays_are_refused() -> None:
     time, places = np.arange(9.0), np.zeros((9, 2, 3))
+    apart = np.array([[0.0], [2e3]])
     assert repr(MarkerRecording(time, ("a", "b"), places)) == (
         "MarkerRecording(2 markers, 9 frames, 8 s)"
     )
@@ -844,7 +845,7 @@ def test_recordings_from_wrong_arrays_are_refused() -> None:
         ((time[:0], ("a", "b"), places[:0]), "it has no frames"),
         ((time, ("a", "a"), places), "'a' is there twice"),
         ((time, ("a", "b", "c"), places), r"shape \(9, 2, 3\), expected \(9, 3, 3\)"),
-        ((time, ("a", "b"), places + 2e3), "over 1000 m from the origin; are its units"),
+        ((time, ("a", "b"), places + apart), "over 1000 m from the others; are its units"),
         ((time, ("a", "b"), places, (), "up"), "axis that is up"),
     ):
         with pytest.raises(WbcError, match=words):

@@ -1,5 +1,7 @@
 """Feet that stand on a belt: found, and seen from it; knees that only a static trial has."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,7 @@ def test_plates_in_the_belt_frame_have_the_same_force_at_moved_points() -> None:
     np.testing.assert_allclose(seen.moment, expected, atol=1e-9)
     again = belt_velocity(moved, MARKERS)
     assert not again.any()
+    in_belt_frame(replace(recording, time=300.0 * recording.time), belt)  # 1.8 km of it
 
 
 def test_missing_landmarks_may_come_from_static_trials_and_clusters() -> None:

@@ -22,7 +22,7 @@ _TO_Z = {
 }
 _TO_Z |= {f"-{axis}": np.diag((1.0, -1.0, -1.0)) @ R for axis, R in _TO_Z.items()}
 UPS = ("x", "y", "z", "-x", "-y", "-z")
-MAX_DISTANCE = 1e3  # m from the origin: beyond, it is another unit
+MAX_DISTANCE = 1e3  # m between markers of a frame: beyond, it is another unit
 # Readings of an unloaded plate: at most this [N] or this part of its largest vertical force, within
 # a part of that of their median, for at least a time [s].
 MAX_OFFSET, MAX_OFFSET_PART, STEADY_PART, MIN_UNLOADED = 30.0, 0.05, 0.2, 0.1
@@ -169,9 +169,10 @@ class MarkerRecording:
                 f" {(count, len(labels), 3)}"
             )
         positions[~np.isfinite(positions).all(axis=2)] = np.nan
-        if len(labels) and np.nanmax(np.abs(positions), initial=0.0) > MAX_DISTANCE:
+        ends = (one.reduce(positions, axis=1, initial=np.nan) for one in (np.fmax, np.fmin))
+        if (np.subtract(*ends) > MAX_DISTANCE).any():
             raise InvalidInputError(
-                f"{source}: a marker is over {MAX_DISTANCE:g} m from the origin; are its units"
+                f"{source}: a marker is over {MAX_DISTANCE:g} m from the others; are its units"
                 " right?"
             )
         if self.up is not None:
