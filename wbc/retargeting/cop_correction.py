@@ -2,7 +2,7 @@
 
 On level ground the CoP p, CoM c and angular momentum k satisfy (with f = m (c'' + g))
 
-    c - p = h/(g + z'') c'' + n x k'/f_z ,
+    c - p = h/(g + z'') c'' - n x k'/f_z ,
 
 so a displacement e of the CoM displaces the CoP by e - h/(g + z'') e''. The CoP has to be inside
 the soles: of all paths whose CoP is, this is the one nearest to the human's, over the whole motion

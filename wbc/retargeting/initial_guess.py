@@ -83,7 +83,7 @@ def solve_frames(
 ) -> Array:
     """Return configurations (n, nq) of all frames, the first of them ``start``.
 
-    Some 25 frames a second are solved and the others interpolated, which does for an initial guess.
+    Some 16 frames a second are solved and the others interpolated, which does for an initial guess.
     Where a tick has no solution, the robot is held.
     """
     targets, robot = tasks.targets, tasks.robot

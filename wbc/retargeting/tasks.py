@@ -110,7 +110,7 @@ class FrameTasks:
             )
             for side, arm in body.arms.items()
         }
-        self.posture = PostureTask(robot, standing, weight=w.posture, gain=0.1)
+        self.posture = PostureTask(robot, standing, weight=w.posture, gain=1.0)
         # A body that rotates as a whole has to complete its rotation, which with another inertia
         # takes another momentum than the human's.
         k = targets.angular_momentum
