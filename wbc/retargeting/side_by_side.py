@@ -6,6 +6,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.human import HumanMotion
+from wbc.human.contacts import nearest_rows
 from wbc.retargeting.result import Retargeted
 from wbc.rotations import headings, rotation_from
 from wbc.validate import Array
@@ -26,7 +27,10 @@ def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
     recorded, base = human.motion, human.motion.base
     if base is None:
         raise InvalidInputError("human beside the robot: its motion has no base, only joints")
-    q = np.hstack((base, recorded.joints))[recorded_frames(human, motion)]
+    own = motion.time / motion.scale.time
+    # As much of the recording is left out at its beginning as at its end.
+    first = 0.5 * float(recorded.time[0] + recorded.time[-1] - own[-1])
+    q = np.hstack((base, recorded.joints))[nearest_rows(recorded.time, first + own)]
     (heading,) = headings(rotation_from(motion.q[0, 3:7])[None])
     right = np.array((np.sin(heading), -np.cos(heading)))
     height = float(motion.targets.com[0, 2])
@@ -34,16 +38,3 @@ def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
     q[:, :2] += motion.q[0, :2] + distance * right - q[0, :2]
     q[:, 2] -= human.ground_height
     return q
-
-
-def recorded_frames(human: HumanMotion, motion: Retargeted) -> Array:
-    """Return the index (n,) of the recorded frame nearest to each frame of the robot's motion.
-
-    As much of the recording is left out at its beginning as at its end.
-    """
-    time = np.asarray(human.motion.time)
-    own = motion.time / motion.scale.time
-    first = 0.5 * (float(time[0] + time[-1]) - float(own[-1]))
-    after = np.searchsorted(time, first + own).clip(1, len(time) - 1)
-    nearer = first + own - time[after - 1] < time[after] - (first + own)
-    return np.asarray(after - nearer)
