@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
 from wbc.files import ArrayFileError, read_arrays
@@ -15,9 +14,9 @@ from wbc.retargeting.cop_correction import SupportedFrames, supports
 from wbc.retargeting.result import Retargeted
 from wbc.robot import Robot
 from wbc.robot.series import sole_series
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, Bools, finite_array, read_only
 
-ARRAYS = ("time", "q", "contacts", "joint_names")
+ARRAYS = {"time": "f", "q": "f", "contacts": "b", "joint_names": "U"}  # and NumPy's kinds
 MAX_BYTES = 2**30  # of a file's arrays
 # Of soles from their first frame [m], from the ground [m], and of their tilt [rad].
 MAX_SLIDING, MAX_HEIGHT, MAX_TILT = 5e-3, 5e-3, 0.02
@@ -71,12 +70,10 @@ class StandingMotion:
         InvalidInputError
             No such file, another one, of another robot, or see :meth:`of`.
         """
-
-        def kinds(name: str) -> str:
-            return {"contacts": "b", "joint_names": "U"}.get(name, "f")
-
         try:
-            arrays = read_arrays(path, lambda names: set(names) & set(ARRAYS), kinds, MAX_BYTES)
+            arrays = read_arrays(
+                path, lambda names: set(names) & set(ARRAYS), lambda n: ARRAYS[n], MAX_BYTES
+            )
         except OSError as error:
             raise InvalidInputError(f"{path}: {error.strerror or error}") from error
         for name in ARRAYS:
@@ -112,9 +109,7 @@ class StandingMotion:
         return supports(corners, np.ones((len(q), len(SIDES)), dtype=bool))
 
 
-def _checked(
-    robot: Robot, source: str, time: Array, q: Array, contacts: NDArray[np.bool_]
-) -> StandingMotion:
+def _checked(robot: Robot, source: str, time: Array, q: Array, contacts: Bools) -> StandingMotion:
     if len(time) < MIN_FRAMES or (np.diff(time) <= 0.0).any():
         raise InvalidInputError(
             f"{source}: expected {MIN_FRAMES} frames at least, in order of time; it has {len(time)}"
@@ -129,9 +124,9 @@ def _checked(
                 f" feet; {STEPS_HINT}"
             )
     q = np.array([robot.check_configuration(one) for one in q])
-    for side, T in sole_series(robot, q).items():
-        if side not in SIDES:
-            continue
+    soles = sole_series(robot, q)
+    for side in SIDES:
+        T = soles[side]
         for what, by, most, unit in (
             ("moves", np.linalg.norm(T[:, :3, 3] - T[0, :3, 3], axis=1), MAX_SLIDING, "m"),
             ("is off the ground", np.abs(T[:, 2, 3]), MAX_HEIGHT, "m"),
