@@ -174,7 +174,7 @@ def _frames_by_geometry(robot: Robot) -> dict[str, str]:
         found["pelvis"] = names[carry[-1]]
     sides = dict[str, list[int]]()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        there = [end for end in ends if sign * at[end][1] > min_offset and len(chains[end])]
+        there = [end for end in ends if sign * at[end][1] > min_offset]
         if there:  # the longest chain
             sides[side] = chains[max(there, key=length)]
     if len(sides) == len(SIDES):

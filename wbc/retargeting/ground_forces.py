@@ -73,7 +73,7 @@ def ground_forces(
     count, weight = len(q), robot.weight
     force = whole.momentum_rate[:, :3] + [0.0, 0.0, weight]
     moment = whole.momentum_rate[:, 3:] + np.cross(whole.com, force)  # about the origin
-    pushed = in_contact(force, robot.weight)
+    pushed = in_contact(force, weight)
     cop = np.full((count, 2), np.nan)
     cop[pushed] = centre_of_pressure(
         whole.com[pushed], force[pushed], whole.momentum_rate[pushed, 3:]
@@ -92,13 +92,12 @@ def ground_forces(
         friction_excess[frames] = ratio - friction
     soles = [robot.feet[side].frame for side in SIDES]
     states = state_series(robot, q, v, soles)
-    for n, sole in enumerate(soles):  # moments at the soles
-        wrenches[:, n, 3:] -= np.cross(states.position(sole), wrenches[:, n, :3])
     for k in range(count):
         motion = states.state(k).motion(v[k])
         load = motion.part("mass_matrix", robot.nv, -1) @ acceleration[k] + motion.part("bias", -1)
         torque[k] = load[BASE_NV:]
     for n, sole in enumerate(soles):
+        wrenches[:, n, 3:] -= np.cross(states.position(sole), wrenches[:, n, :3])  # at the sole
         carried = np.swapaxes(states.jacobian(sole)[..., BASE_NV:], 1, 2) @ wrenches[:, n, :, None]
         torque -= carried[..., 0]
     names = np.array(["in the air", "left", "right", "both feet"])[standing]

@@ -121,17 +121,16 @@ def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Ar
         velocities of the origins and angular velocities (n, b, 3), world axes.
     """
     model = robot.model
-    names, frames = list[str](), list[str]()
+    names = list[str]()
     for joint in range(1, model.njoints):
         own = [f for f in model.frames if f.parentJoint == joint and "BODY" in str(f.type)]
         at = [f for f in own if f.placement.isIdentity(1e-9)] or own
-        names.append(str(at[0].name) if at else str(model.names[joint]))
-        frames.append(names[-1] if at else str(model.names[joint]))
-    states = state_series(robot, q, v, frames)
-    place = np.stack([states.position(frame) for frame in frames], axis=1)
+        names.append(str(at[0].name if at else model.names[joint]))
+    states = state_series(robot, q, v, names)
+    place = np.stack([states.position(name) for name in names], axis=1)
     quaternion = np.stack(
-        [same_sign(np.array([quaternion_from(R) for R in states.rotation(f)])) for f in frames],
+        [same_sign(np.array([quaternion_from(R) for R in states.rotation(f)])) for f in names],
         axis=1,
     )
-    twist = np.stack([(states.jacobian(f) @ v[..., None])[..., 0] for f in frames], axis=1)
+    twist = np.stack([(states.jacobian(name) @ v[..., None])[..., 0] for name in names], axis=1)
     return tuple(names), place, quaternion[..., [3, 0, 1, 2]], twist[..., :3], twist[..., 3:]

@@ -176,12 +176,10 @@ class MotionReference:
         def integral(u: Array) -> Array:  # of minimum_jerk from 0 to u
             return u**4 * (2.5 + u * (u - 3.0))
 
-        t, ease, duration = self._times, self.ease, self.duration
-        middle = t - 0.5 * ease
+        t, ease, length = self._times, self.ease, self.duration - self.ease
         elapsed = ease * integral(np.minimum(t / ease, 1.0))
-        remaining = ease * integral(np.minimum((duration - t) / ease, 1.0))
-        length = duration - ease
-        late = np.where(t > duration - ease, length - remaining, middle)
+        remaining = ease * integral(np.minimum((self.duration - t) / ease, 1.0))
+        late = np.where(t > length, length - remaining, t - 0.5 * ease)
         return np.clip(np.where(t < ease, elapsed, late) / self.slower, 0.0, self.motion.time[-1])
 
     def _feasible_cop(self, cop: Array) -> Array:
