@@ -24,7 +24,7 @@ from wbc.gait.legs import SIDES
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
 from wbc.polygon import convex_hull, inset, nearest_point
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # The CoP's distance from the edge of the soles: part of the smaller sole's length, and of the
 # support's width at most.
@@ -40,7 +40,7 @@ GAP, MAX_ITERATIONS = 1e-7, 60
 MIN_GRAVITY = 2.0  # m/s^2, of g + z'': below it, (nearly) in flight, there is no CoP
 
 
-def load_shares(flags: NDArray[np.bool_]) -> Array:
+def load_shares(flags: Bools) -> Array:
     """Return the part of the weight that each foot bears (n, 2), by the contacts alone.
 
     In double support the load shifts from the foot that stood before to the one that stands
@@ -130,7 +130,7 @@ def _normals(hull: Array) -> Array:
     return np.asarray(edges[:, ::-1] * [1.0, -1.0] / np.linalg.norm(edges, axis=1)[:, None])
 
 
-def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[SupportedFrames, ...]:
+def supports(corners: Mapping[str, Array], flags: Bools) -> tuple[SupportedFrames, ...]:
     """Return the supports of all frames but those in flight; equal ones are joined.
 
     Parameters
@@ -234,7 +234,7 @@ def _interior_point(
     minimize: Callable[[Array, Array], tuple[Array, Array]],
     stencil: Array,
     base: Array,
-    edges: NDArray[np.bool_],
+    edges: Bools,
 ) -> Array:
     """Return the least displacement (n, 2) of the CoM, see :func:`least_com_displacement`.
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
@@ -15,7 +14,7 @@ from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, sole_series
 from wbc.tracking.unbalanced import Unbalanced
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 CONTACT_HEIGHT = 1e-3  # m: higher corners do not touch the ground
 
@@ -107,7 +106,7 @@ class Retargeted:
         return len(self.time)
 
     @property
-    def contacts(self) -> NDArray[np.bool_]:
+    def contacts(self) -> Bools:
         """Which feet touch the ground (n, 2), left and right."""
         return self.targets.down
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.gait.legs import SIDES
@@ -19,7 +18,7 @@ from wbc.motion.dropouts import runs
 from wbc.retargeting.scaling import arm_levers
 from wbc.robot.series import sole_series, state_series
 from wbc.rotations import headings
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 ARM_PARTS = "upper_arm", "forearm"
 SEGMENTS = "pelvis", "trunk", "head", *(f"{side}_{part}" for side in SIDES for part in ARM_PARTS)
@@ -69,7 +68,7 @@ class HumanFrames:
     upright_hips: Array
     soles: Mapping[str, tuple[Array, Array]]
     sole_rotation: Mapping[str, Array]
-    down: Mapping[str, NDArray[np.bool_]]
+    down: Mapping[str, Bools]
     roll: float
 
     def __len__(self) -> int:
@@ -141,7 +140,7 @@ def human_frames(
     )  # fmt: skip
 
 
-def _slides(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
+def _slides(position: Array, rotation: Array, time: Array) -> Bools:
     """Return where a sole slides or pivots on the ground (n,), for long enough to be no contact."""
     speed = np.linalg.norm(np.gradient(position[:, :2], time, axis=0), axis=1)
     slides = (np.abs(rotation[:, 2, 0]) < LEVEL_PITCH) & (speed > MAX_SLIDING)
@@ -152,7 +151,7 @@ def _slides(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
     return slides
 
 
-def _without_short_ends(flags: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
+def _without_short_ends(flags: Bools, time: Array) -> Bools:
     """Return contacts without too short phases at the beginning and end of the recording."""
     flags = flags.copy()
     for first, end in (one for value in (True, False) for one in runs(flags == value)):

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.gait.legs import SIDES
 from wbc.retargeting.cop_correction import (
@@ -23,7 +22,7 @@ from wbc.robot import Robot
 from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.spatial import vech_inverse
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # Where legs do not reach, the CoM is lowered and steps are shortened: the least sum of squares of
 # the lowering by this part of the legs' length and of the shortening by this part of the steps.
@@ -81,7 +80,7 @@ class Targets:
     notes: tuple[str, ...]
 
     @property
-    def down(self) -> NDArray[np.bool_]:
+    def down(self) -> Bools:
         """Which feet touch the ground (n, 2), left and right."""
         return self.feet.down
 
@@ -115,13 +114,12 @@ def scaled_targets(
     for part, frame in (("trunk", body.trunk), ("head", body.head)):
         if frame is not None and frame not in rotation:
             rotation[frame] = source.rotation[part] @ body.upright[frame]
-    arms = {side: source.arms[side] for side in body.arms}
     targets = Targets(
         time=dt * np.arange(len(source)),
         com=com,
         angular_momentum=k,
         rotation=rotation,
-        arms=arms,
+        arms={side: source.arms[side] for side in body.arms},
         inertia=scale.inertia * np.array([vech_inverse(one) for one in series.inertia]),
         feet=feet,
         human_com=human_com,

@@ -79,16 +79,12 @@ def violations(
     fingers, collision = setup.fingers, setup.collision
     robot, q = fingers.robot, q[:, fingers.q_kept]
     speeds, rates = (np.abs(one[:, fingers.v_kept][:, BASE_NV:]) for one in (v, acceleration))
-    limits, time = robot.limits, targets.time
+    limits, time, joints = robot.limits, targets.time, robot.joint_names
     parts = [
         ("sole slides", slides(robot, targets, q), [f"{side} foot" for side in SIDES]),
-        ("joint limit passed", limits.past(limits.joint_positions(q)), robot.joint_names),
-        ("speed above the limit", speeds / limits.velocity - 1.0, robot.joint_names),
-        (
-            "acceleration above the motor's",
-            rates / max_accelerations(robot) - 1.0,
-            robot.joint_names,
-        ),
+        ("joint limit passed", limits.past(limits.joint_positions(q)), joints),
+        ("speed above the limit", speeds / limits.velocity - 1.0, joints),
+        ("acceleration above the motor's", rates / max_accelerations(robot) - 1.0, joints),
     ]
     found = list[Unbalanced]()
     for what, excess, names in parts:
@@ -118,14 +114,13 @@ def penetration_notes(robot: Robot, targets: Targets, q: Array) -> list[str]:
 def dissimilarity_notes(found: Retargeted) -> list[str]:
     """Return notes where CoM, momentum, long axis, trunk or arms differ much from the human's."""
     whole, human = found.whole, found.targets.human_com
-    least = MIN_COM_MOTION * float(np.mean(human[:, 2]))
+    height = float(np.mean(human[:, 2]))
     both = whole.momentum[:, 3:], found.targets.angular_momentum
     parts = [
         f"the CoM correlates by {c:.2f} along {axis} (the human's moves by {1e3 * way:.0f} mm)"
         for axis, c, way in zip("xyz", found.com_correlation, np.ptp(human, axis=0), strict=True)
-        if c < MIN_CORRELATION and way > least
+        if c < MIN_CORRELATION and way > MIN_COM_MOTION * height
     ]
-    height = float(np.mean(human[:, 2]))
     least = MIN_MOMENTUM * found.robot.mass * height * np.sqrt(found.robot.gravity * height)
     c = float(correlations(*(one.reshape(-1, 1) for one in both))[0])
     if c < MIN_CORRELATION and np.abs(both[1]).max() > least:

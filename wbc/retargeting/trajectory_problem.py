@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
@@ -35,7 +34,7 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.postures import STANDING
 from wbc.robot.series import StateSeries, state_series, velocities
 from wbc.spatial import COLUMNS, ROWS, skews, twist_products
-from wbc.validate import Array
+from wbc.validate import Array, Bools
 
 # By a leg's length, or per rad.
 CONTACT_WEIGHT, LIMIT_WEIGHT, MARGIN_WEIGHT = 1e4, 200.0, 200.0
@@ -109,8 +108,6 @@ class TrajectoryProblem:
     max_accelerations:
         See :func:`max_accelerations`.
     """
-
-    damping: float
 
     def __init__(self, tasks: FrameTasks, collision: SelfCollision | None) -> None:
         self.tasks, self.collision, self.leg = tasks, collision, tasks.legs.length
@@ -355,8 +352,8 @@ class TrajectoryProblem:
 
 def step_within_limits(
     normal: NormalEquations, joints: Array, lower: Array, upper: Array, weight: float,
-    damping: float, held: NDArray[np.bool_], tries: int, max_excess: float = 0.0,
-) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+    damping: float, held: Bools, tries: int, max_excess: float = 0.0,
+) -> tuple[Array, Bools]:  # fmt: skip
     """Return displacements (n, nv) that violate limits by little, and the joints held at one.
 
     An active-set method: joints (n, nv - 6) that would pass a limit are ``held`` at the nearer one
