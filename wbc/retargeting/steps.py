@@ -37,18 +37,13 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
         raise InvalidInputError(
             f"footsteps: {motion.source} has {len(prints)} footprints in turn; a stride takes three"
         )
-    dt = motion.targets.dt
-    steps = []
-    for before, after in pairwise(prints):
+    dt, steps = motion.targets.dt, []
+    swings = [(b.first - a.end + 1) * dt for a, b in zip(prints, prints[2:], strict=False)]
+    durations = [float(np.mean(swings)), *swings]  # that of the first step is not known
+    for (before, after), duration in zip(pairwise(prints), durations, strict=True):
         x, y = turned(-float(before.pose[2]))[:2, :2] @ (after.pose[:2] - before.pose[:2])
         yaw = math.remainder(float(after.pose[2] - before.pose[2]), math.tau)
-        earlier = [one for one in prints if one.foot == after.foot and one.end <= after.first]
-        lift_off = max((one.end for one in earlier), default=None)
-        duration = None if lift_off is None else (after.first - lift_off + 1) * dt
         steps.append(Footstep(after.foot, float(x), float(y), yaw, duration))
-    known = [one.duration for one in steps if one.duration is not None]
-    mean = float(np.mean(known)) if known else None
-    steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or mean) for s in steps]
     many = len(steps)  # after these the last two are repeated
     found = [steps[k if k < many else (k - many) % 2 - 2] for k in range(count)]
     factors = np.ones(count)
