@@ -205,10 +205,9 @@ def least_com_displacement(
     edges[~np.isfinite(cop).all(axis=1)] = 0.0
     edges[[0, -1]] = 0.0  # the accelerations of the first and last frame are not known
     stencil = _cop_stencil(time_constant_sq, dt)
-    base = (edges[..., :2] @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
-
     normals = edges[..., :2]
     transposed = np.swapaxes(normals, 1, 2)
+    base = (normals @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
 
     def minimize(stiffness: Array, pull: Array) -> tuple[Array, Array]:
         """Minimise with squares and linear terms of distances o (n, m) outside; return e and o."""
@@ -223,10 +222,11 @@ def least_com_displacement(
         e, outside = minimize(OUTSIDE_WEIGHT * active, np.zeros_like(base))
         changed = int(np.count_nonzero((outside > 0.0) != active))
         if not changed:
-            return e, cop + _apply_stencil(stencil, e)
+            break
         cycling += changed >= fewest
         fewest = min(fewest, changed)
-    e = _interior_point(minimize, stencil, base, np.asarray(normals.any(axis=2)))
+    else:
+        e = _interior_point(minimize, stencil, base, np.asarray(normals.any(axis=2)))
     return e, cop + _apply_stencil(stencil, e)
 
 

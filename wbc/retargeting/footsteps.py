@@ -139,7 +139,7 @@ def yaw_pitch_rotations(heading: Array, pitch: Array | None = None) -> Array:
     c, s, cp, sp = np.cos(heading), np.sin(heading), np.cos(pitch), np.sin(pitch)
     zero = np.zeros_like(c)
     rows = [[c * cp, -s, -c * sp], [s * cp, c, -s * sp], [sp, zero, cp]]
-    return np.moveaxis(np.array([[*row] for row in rows]), 2, 0)
+    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) -> FootPaths:
@@ -180,7 +180,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) ->
     prints = [replace(one, pose=_shifted_outward(one.pose, one.foot, widening)) for one in prints]
     paths = {}
     for side in SIDES:
-        own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
+        own = [one for one in prints if one.foot == side]
         paths[side] = _path(source, robot, side, scaling, arms[side], own, widening)
     return FootPaths(paths, tuple(prints), widening, tuple(notes), line_feet)
 
