@@ -55,8 +55,7 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     time, values = _motion(lines, start, sum(len(joint.channels) for joint in joints), source)
     places, rotations = _forward_kinematics(joints, values)
     landmarks = _landmarks(joints, source)
-    heights = _height(joints)
-    scale, note = _unit(unit, heights, source)
+    scale, note = _unit(unit, _height(joints), source)
     bones = [
         Bone(joint.name, scale * places[k], rotations[k], landmarks.get(k))
         for k, joint in enumerate(joints)
@@ -90,7 +89,8 @@ def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
         if key in ("ROOT", "JOINT", "END"):
             parent = stack[-1] if stack else -1
             if (key == "ROOT") != (parent < 0):
-                raise RecordingError("a root in a joint, or a joint without", source, line=number)
+                what = "a root in a joint, or a joint outside a root"
+                raise RecordingError(what, source, line=number)
             name = f"{joints[parent].name}/end" if key == "END" else "_".join(words[1:])
             joints.append(_Joint(name, parent))
             opened = len(joints) - 1
@@ -108,24 +108,24 @@ def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
         elif key == "CHANNELS" and stack:
             names = words[2:]
             if any(name not in CHANNELS for name in names) or words[1:2] != [str(len(names))]:
-                raise RecordingError(f"channels {shortened(line)!r}", source, line=number)
+                what = f"unknown or miscounted channels {shortened(line)!r}"
+                raise RecordingError(what, source, line=number)
             joints[stack[-1]].channels = names
         else:
-            raise RecordingError(f"{shortened(line)!r} is not expected here", source)
+            raise RecordingError(f"{shortened(line)!r} is not expected here", source, line=number)
     if stack or not joints:
         raise RecordingError("its hierarchy is not closed", source)
     return joints
 
 
-def _numbers(words: list[str], count: int, source: str, line: int | None = None) -> list[float]:
+def _numbers(words: list[str], count: int, source: str, line: int) -> list[float]:
     try:
         found = [float(word) for word in words]
     except ValueError:
         found = []
     if len(found) != count or not np.isfinite(found).all():
         text = shortened(" ".join(words))
-        where = "" if line is None else f" in line {line}"
-        raise RecordingError(f"expected {count} numbers{where}, got {text!r}", source)
+        raise RecordingError(f"expected {count} numbers, got {text!r}", source, line=line)
     return found
 
 

@@ -43,7 +43,7 @@ class RecordingError(InvalidInputError):
     row:
         The row of numbers, counted from 1, likewise.
     line:
-        That row's line in a text file.
+        That row's line in a text file, or the line to blame.
     """
 
     def __init__(
@@ -58,6 +58,8 @@ class RecordingError(InvalidInputError):
         places = [f"column {shortened(column)!r}"] if column is not None else []
         if row is not None:
             places.append(f"row {row}" + (f" (line {line})" if line is not None else ""))
+        elif line is not None:
+            places.append(f"line {line}")
         super().__init__(f"{': '.join([file, ', '.join(places)] if places else [file])}: {what}")
 
 
