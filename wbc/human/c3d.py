@@ -42,7 +42,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     file = read_c3d_head(read_bytes(path), source)
     points, per_frame = file.header[1], file.header[2]
     samples = file.header[9]  # of each channel in a frame
-    frames, notes = _frames(file), tuple[str, ...]()
+    frames = _frames(file)
     rate = file.number("POINT:RATE", file.rate)
     if not 0.0 < rate <= MAX_RATE:
         raise file.error(f"its rate is {rate:g} frames per second")
@@ -58,19 +58,19 @@ def read_c3d(path: Path) -> MarkerRecording:
     positions = marked[:, :, :3] * LENGTHS[unit]
     positions[marked[:, :, 3] < 0.0] = np.nan
     positions[(positions == 0.0).all(axis=2)] = np.nan
-    first = file.header[3]
     time = np.arange(len(marked)) / rate
     plates, plate_notes = _plates(file, analog, rate, samples, LENGTHS[unit])
     mass = file.number("PROCESSING:BODYMASS", 0.0)  # as Vicon writes it, 0 or 1 if nobody did
-    if first > 1:
-        notes += (f"its first frame has the number {first}; times begin at 0 there",)
+    notes = (*repeated, *plate_notes)
+    if (first := file.header[3]) > 1:
+        notes = (f"its first frame has the number {first}; times begin at 0 there", *notes)
     return MarkerRecording(
         time,
         labels,
         positions[:, columns],
         plates,
         source=source,
-        notes=notes + repeated + plate_notes,
+        notes=notes,
         mass=mass if MASSES[0] <= mass <= MASSES[1] else None,
     )
 
@@ -293,22 +293,20 @@ def plate_wrench(
     z = z / np.linalg.norm(z)
     R = np.column_stack((x, np.cross(z, x), z))
     # The sensor is below the surface and z points down: some files have the other sign.
-    down = origin.copy()
-    down[2] = -abs(down[2])
-    sensor = corners.mean(axis=0) - R @ (down if kind in (2, 4) else np.zeros(3))
+    offset = np.array((origin[0], origin[1], -abs(origin[2])))
     if kind == 1:
+        offset[:] = 0.0
         force = values[:, :3]
         point = np.column_stack((unit * values[:, 3:5], np.zeros(len(values))))
         free = np.column_stack((np.zeros((len(values), 2)), arm * values[:, 5]))
         moment = np.cross(point, force) + free
     elif kind == 3:
         force, moment = _of_corners(values, abs(origin[0]), abs(origin[1]))
-        sensor = corners.mean(axis=0) - R @ np.array((0.0, 0.0, down[2]))
+        offset[:2] = 0.0
     else:
         force, moment = values[:, :3], arm * values[:, 3:6]
     force = force @ R.T
-    moment = moment @ R.T + np.cross(sensor, force)
-    return force, moment
+    return force, moment @ R.T + np.cross(corners.mean(axis=0) - R @ offset, force)
 
 
 def _of_corners(values: Array, a: float, b: float) -> tuple[Array, Array]:
