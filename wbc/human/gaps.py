@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.human.markers import MarkerRecording
 from wbc.motion.dropouts import MISSING, Dropout, insert_rows, missing_frames, runs
 from wbc.motion.recording import MIN_ROWS
@@ -68,8 +68,7 @@ def longest_without_jump(
     ends = np.array((0, *jumps, len(time)))
     longest = int(np.diff(ends).argmax())
     first, end = ends[longest : longest + 2]
-    times = ", ".join(f"{time[k]:.3f} s" for k in jumps[:NAMED_JUMPS])
-    times += " ..." * (len(jumps) > NAMED_JUMPS)
+    times = listed([f"{one:.3f} s" for one in time[jumps]], NAMED_JUMPS)
     note = (
         f"the whole body jumps at {times}, as from a T-pose: taken from {time[first]:.3f} to"
         f" {time[end - 1]:.3f} s"
@@ -121,8 +120,7 @@ def _without_single_frames(
         return recording, ()
     positions = recording.positions.copy()
     positions[single] = np.nan
-    times = ", ".join(f"{recording.time[k]:.3f} s" for k in single[:NAMED_JUMPS])
-    times += " ..." * (len(single) > NAMED_JUMPS)
+    times = listed([f"{one:.3f} s" for one in recording.time[single]], NAMED_JUMPS)
     note = f"the whole body is elsewhere for one frame, at {times}: interpolated there"
     return replace(recording, positions=positions), (note,)
 
