@@ -46,7 +46,8 @@ class Landmark:
 
 # Landmarks of both sides: segment, anchor, place on the left [mm], spread and noise [mm], names
 # without the side.
-_PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
+_Row = tuple[str, str, tuple[float, float, float], float, float, str]
+_PAIRED: dict[str, _Row] = {
     "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"
               " AS SIAS"),
     "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK PS"
@@ -128,7 +129,7 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
     "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS TEMPLE"),
 }  # fmt: skip
-_MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
+_MIDDLE: dict[str, _Row] = {
     "sacrum": ("pelvis", "pelvis", (-110, 0, 75), 20, 8, "SACR SACRUM S2 S1 VSACRAL VSAC SAC MPSIS"
                " SACRAL MIDPSIS WAISTBACK"),
     "mid_asis": ("pelvis", "pelvis", (46, 0, 83), 12, 8, "MIDASIS"),
@@ -172,13 +173,10 @@ _WHICH = re.compile(
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
 # Word boundaries in camel case, before a side in lower case behind capitals (SIASr), and between a
 # side and a number (KU Leuven's foot_r1); Xsens's p.
-_BOUNDARY, _PREFIX = (
-    re.compile(
-        "(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Z]{2})(?=[lr]$)"
-        "|(?<=[ _.][lrLR])(?=[0-9])"
-    ),
-    re.compile("^p(?=[A-Z])"),
+_BOUNDARY = re.compile(
+    "(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Z]{2})(?=[lr]$)|(?<=[ _.][lrLR])(?=[0-9])"
 )
+_PREFIX = re.compile("^p(?=[A-Z])")
 _SHORT = {
     "LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELBOW": "ELB",
     "UPPERLEG": "THIGH", "LOWERLEG": "SHANK", "LOWERARM": "FOREARM", "METATARSAL": "MET",
@@ -195,8 +193,7 @@ def _short(word: str) -> str:
     return word
 
 
-def _aliases(table: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]]
-             ) -> dict[str, str]:  # fmt: skip
+def _aliases(table: dict[str, _Row]) -> dict[str, str]:
     found = dict[str, str]()
     for name, row in table.items():
         for alias in row[5].split():

@@ -58,12 +58,8 @@ def identify_markers(
                 unknown += [label] if label not in unknown else []
             elif label not in found:
                 found[label] = mark if mark is not None else landmark(str(name))
-    seen = np.isfinite(recording.positions).reshape(len(recording.time), -1, 3)
-    empty = [
-        label
-        for k, label in enumerate(recording.labels)
-        if label in found and not seen[:, k].all(axis=1).any()
-    ]
+    seen = np.isfinite(recording.positions).all(axis=2).any(axis=0)
+    empty = [recording.labels[k] for k in np.flatnonzero(~seen) if recording.labels[k] in found]
     own = [label for label in recording.labels if label in found and label not in empty]
     if not recording.landmarks:
         standing = [found[one].name for one in static.labels if one in found] if static else []

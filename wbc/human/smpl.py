@@ -87,8 +87,8 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         raise RecordingError("it has no array poses", source)
     if poses.ndim != 2 or poses.shape[1] < 66:
         raise RecordingError(f"poses have shape {poses.shape}; expected (n, 66 or more)", source)
-    rate = next((arrays[name] for name in RATES if name in arrays), None)
-    if rate is None or rate.size != 1 or not 0.0 < float(rate.ravel()[0]) <= 1e5:
+    rate = next((arrays[name].ravel() for name in RATES if name in arrays), np.zeros(0))
+    if rate.size != 1 or not 0.0 < rate[0] <= 1e5:
         raise RecordingError(f"it has no rate; add an array {' or '.join(RATES[:2])}", source)
     count = len(poses)
     vectors = finite_array(f"{source}: poses", poses[:, :66].astype(float), (count, 66))
@@ -98,8 +98,7 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         "bones of usual proportions: the file's body shape needs a model that is not read, and its"
         " gender is not read either: give sex"
     )
-    time = np.arange(count) / float(rate.ravel()[0])
-    return bone_markers(time, bones, source, (note,))
+    return bone_markers(np.arange(count) / float(rate[0]), bones, source, (note,))
 
 
 def _bones(vectors: Array, trans: Array, stature: float) -> list[Bone]:
