@@ -23,7 +23,7 @@ from wbc.human.fit import (
 )
 from wbc.human.kinematics import Poses, forward_kinematics, rotations
 from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
-from wbc.human.marker_identification import identify_markers, with_labels_of
+from wbc.human.marker_identification import identify_markers, rotate_z_up, with_labels_of
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion import RmpSeries
@@ -360,6 +360,20 @@ def test_markers_of_a_static_trial_are_those_of_the_recording(given: str) -> Non
     found = with_labels_of(replace(recording, labels=labels), recording)
     expected = ["RKNE_med" if label == "RKNE" else label for label in recording.labels]
     assert list(found.labels) == expected
+
+
+def test_static_trial_of_legs_alone_is_upright_by_the_axis_that_is_given() -> None:
+    """It was "along (nan, nan, nan)", with warnings of NumPy."""
+    recording, _ = recorded(BODY, seconds=0.2)
+    shanks = recording.columns(("LTIB", "RTIB"))
+    places = recording.positions[:, shanks]
+    legs = replace(recording, labels=("LTIB", "RTIB"), positions=places, up=None)
+    markers, _ = identify_markers(recording, legs)
+    stood, notes = rotate_z_up(legs, markers, "z")
+    np.testing.assert_array_equal(stood.positions, places)
+    assert notes == ()
+    with pytest.raises(RecordingError, match=r"no marker .* say which axis is up"):
+        rotate_z_up(legs, markers, None)
 
 
 def test_human_who_sits_at_times_has_the_mass_of_the_other_times_with_a_note() -> None:

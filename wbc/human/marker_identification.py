@@ -108,6 +108,13 @@ def rotate_z_up(
     axis = up if up is not None else recording.up
     high = _mean_position(recording, markers, lambda mark: mark.segment in BODY)
     low = _mean_position(recording, markers, lambda mark: mark.segment.endswith(("foot", "shank")))
+    if np.isnan(high).all() or np.isnan(low).all():  # as in a static trial of some markers
+        if axis is not None:
+            return recording.upright(axis), ()
+        raise RecordingError(
+            "no marker on pelvis or trunk, or none on shanks and feet: say which axis is up (up)",
+            recording.source,
+        )
     _check_sides(recording, markers, high - low)
     up_vector = np.nanmedian(high, axis=0) - np.nanmedian(low, axis=0)
     up_vector /= np.linalg.norm(up_vector)
