@@ -194,10 +194,9 @@ def _plate(
     channel = file.numbers("FORCE_PLATFORM:CHANNEL")
     if corners.ndim != 3 or origin.ndim != 2 or channel.ndim != 2 or k >= len(kinds):
         raise file.error("its corners, origin or channels are missing")
-    columns: NDArray[np.intp] = channel[:, k].astype(np.intp) - 1
     kind = int(kinds[k])
     many = 8 if kind == 3 else 6
-    columns = columns[:many]
+    columns: NDArray[np.intp] = channel[:many, k].astype(np.intp) - 1
     if len(columns) < many or columns.min() < 0 or columns.max() >= signals.shape[1]:
         raise file.error(f"its channels are not among the {signals.shape[1]} recorded")
     values = signals[:, columns]

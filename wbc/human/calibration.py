@@ -132,9 +132,8 @@ def _misplaced_note(found: Calibration, prior: _Prior) -> tuple[str, ...]:
         for name, one, spread in zip(found.markers.names, offsets, prior.place_spread, strict=True)
         if (np.abs(one) > MISPLACED * spread).any()
     ]
-    if not names:
-        return ()
-    return (f"markers far from the places of their names: {listed(names, 8)}; swapped?",)
+    what = f"markers far from the places of their names: {listed(names, 8)}; swapped?"
+    return (what,) if names else ()
 
 
 def _refit_from_best(poses: Poses, cost: Array, observed: Array, markers: MarkerSet) -> Poses:
