@@ -254,7 +254,7 @@ def masses(body: HumanBody) -> dict[str, Mass]:
 
 
 def foot_ends(body: HumanBody) -> tuple[Array, Array]:
-    """Return heel and tip of the toes (3,) [m] in the foot's axes, halfway up to the ankle."""
+    """Return heel and tip of the toes (3,) [m] in the foot's axes: middles of their heights."""
     length = segment_table(body.sex)["foot"].length / MEAN_STATURE[body.sex] * body.stature
     heel = body.scale * np.array((-HEEL, 0.0, -0.6 * ANKLE_HEIGHT))
     return heel, heel + np.array((length, 0.0, -0.2 * ANKLE_HEIGHT * body.scale))

@@ -107,7 +107,7 @@ class MarkerRecording:
     labels:
         Names of the markers (m).
     positions:
-        (n, m, 3) [m]; NaN where a marker was not seen.
+        (n, m, 3) [m]; NaN, or infinite, where a marker was not seen.
     plates:
         Force plates, in the same world and time.
     up:
@@ -126,8 +126,8 @@ class MarkerRecording:
     Raises
     ------
     InvalidInputError
-        Arrays of a wrong shape, infinite or in another unit than m, no row, times that do not
-        increase, a label twice, a mass that no human has.
+        Arrays of a wrong shape or in another unit than m, no row, times that do not increase, a
+        label twice, a mass that no human has.
     """
 
     time: Array
