@@ -85,29 +85,19 @@ class FrameTasks:
             targets.com.std(axis=0) / (SMALL_COM_MOTION * legs.length)
         )
         self.com = ComTask(robot, start.com, weight=w.com / legs.length * com_factor, gain=1.0)
-        rotation_weights = {body.pelvis: w.pelvis, body.trunk: w.trunk}
-        if body.head is not None:
-            rotation_weights[body.head] = w.head
+        weight_of = {body.pelvis: w.pelvis, body.trunk: w.trunk, body.head: w.head}
         self.orientations = {
             frame: OrientationTask(
-                robot, frame, start.rotation(frame), name=frame, weight=weight, gain=1.0
+                robot, frame, start.rotation(frame), name=frame, weight=weight_of[frame], gain=1.0
             )
-            for frame, weight in rotation_weights.items()
-            if frame in targets.rotation
+            for frame in targets.rotation
         }
+
+        def along(axis: Array, frame: str, name: str) -> AxisTask:
+            return AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, weight=w.arms, gain=1.0)
+
         self.arms = {
-            side: tuple(
-                AxisTask(
-                    robot,
-                    frame,
-                    (0, 0, -1),
-                    axis=axis,
-                    name=f"{side} {name}",
-                    weight=w.arms,
-                    gain=1.0,
-                )
-                for name, frame, axis in arm.segments
-            )
+            side: tuple(along(axis, frame, f"{side} {name}") for name, frame, axis in arm.segments)
             for side, arm in body.arms.items()
         }
         self.posture = PostureTask(robot, standing, weight=w.posture, gain=1.0)
