@@ -432,7 +432,7 @@ def _mass_without_one_given(
     if plates:
         peak = max(float(plate.force[:, 2].max()) for plate in plates)
         none = f"force plates push by {peak:.3g} N at most: are their forces in N?"
-        why = none if peak < MIN_PLATE_FORCE else "no frame has all feet on force plates"
+        why = none if peak < MIN_PLATE_FORCE else "too few frames have all feet on force plates"
     if told is not None:
         return told, (f"mass {told:g} kg, as its file says ({why})",)
     guess = f"mass guessed by stature, {usual:.0f} kg ({why}): forces scale with it; give mass"
