@@ -107,8 +107,6 @@ def _without_single_frames(
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the recording without frames in which the whole body is elsewhere, and a note."""
     places = recording.positions[:, recording.columns(names)]
-    if len(places) < 3:
-        return recording, ()
     there, back, across = (
         np.linalg.norm(one, axis=2)
         for one in (places[1:-1] - places[:-2], places[2:] - places[1:-1], places[2:] - places[:-2])
