@@ -230,8 +230,8 @@ def shapes(count: int, *words: str) -> Callable[[Robot], None]:
 def coloured(*wanted: float) -> Callable[[Robot], None]:
     def check(robot: Robot) -> None:
         shapes(1)(robot)
-        found = robot.visual_model.geometryObjects[0].meshColor[:3]
-        np.testing.assert_allclose(found, wanted, atol=1e-6)
+        found = robot.visual_model.geometryObjects[0].meshColor
+        np.testing.assert_allclose(found, (*wanted, 1.0), atol=1e-6)
 
     return check
 
@@ -268,6 +268,7 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         shapes(1, "the first counts: <box> as collision of link 'a'"),
     ),
     "colour of bytes": (urdf(link=BAD.format("255 102 0 255")), coloured(1.0, 0.4, 0.0)),
+    "colour of bytes with a share": (urdf(link=BAD.format("255 102 0 1")), coloured(1.0, 0.4, 0.0)),
     "colour beyond white": (urdf(link=BAD.format("1 256 0 1")), coloured(0.5, 0.5, 0.5)),
     "colour without numbers": (
         urdf(link=LOOK.format('<material name="m"><color/></material>') + SPHERE.format("")),

@@ -106,7 +106,7 @@ def complete_materials(root: ET.Element) -> tuple[str, ...]:
     """Name nameless materials, and make those with unreadable colours grey.
 
     The parser drops all shapes of a link, or the whole file, for them. Colours up to 255 are
-    divided by it. Return a note of the grey ones.
+    divided by it, the alpha beside them if it is above 1, too. Return a note of the grey ones.
     """
     grey, known = list[str](), set[str]()
     for k, material in enumerate(root.iter("material")):
@@ -134,9 +134,10 @@ def _colour(text: str) -> str | None:
         return None
     if len(parts) != len(GREY.split()) or not all(0.0 <= part <= BRIGHTEST for part in parts):
         return None
-    if max(parts) <= 1.0:
-        return " ".join(text.split())
-    return " ".join(str(part / BRIGHTEST) for part in parts)
+    *rgb, alpha = parts
+    if max(rgb) > 1.0:
+        rgb = [part / BRIGHTEST for part in rgb]
+    return " ".join(map(str, (*rgb, alpha / BRIGHTEST if alpha > 1.0 else alpha)))
 
 
 def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
