@@ -95,7 +95,7 @@ class CollisionModel:
     @cached_property
     def raw(self) -> RawPairs:
         """The pairs with the raw shapes of the robot's files, read on first use."""
-        return RawPairs(self.robot, self.labels)
+        return RawPairs(self.robot, self.bodies, self.pairs)
 
     def place(
         self,

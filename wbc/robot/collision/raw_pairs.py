@@ -13,7 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.collision.bodies import named_shapes
+from wbc.robot.collision.distances import Index
 from wbc.robot.collision.fitting import convex, fit_close_hull
+from wbc.robot.collision.shapes import Body
 from wbc.robot.model import Robot
 from wbc.validate import Array
 
@@ -26,23 +28,23 @@ class RawPairs:
 
     Parameters
     ----------
-    labels:
-        Of the pairs, as a :class:`~wbc.robot.collision.CollisionModel` has them.
+    bodies, pairs:
+        As a :class:`~wbc.robot.collision.CollisionModel` has them.
     """
 
-    def __init__(self, robot: Robot, labels: Sequence[str]) -> None:
+    def __init__(self, robot: Robot, bodies: Sequence[Body], pairs: Index) -> None:
         self.robot, self._data = robot, robot.model.createData()
-        self._labels = labels
+        self._bodies, self._numbers = bodies, pairs
         self._hulls = dict[str, tuple[object, float]]()  # around meshes, made on demand
 
     @cached_property
     def _pairs(self) -> list[list[pin.GeometryObject]]:
         named = {name: shape for name, _, shape in named_shapes(self.robot)}
-        # Bodies in several parts are named BODY/PART, and are one shape.
-        return [
-            [named[name.partition("/")[0]] for name in label.split(" vs ")]
-            for label in self._labels
+        # Bodies in several parts are named BODY/PART, and are one shape; links may hold a / too.
+        names = [
+            body.link + body.name.removeprefix(body.link).partition("/")[0] for body in self._bodies
         ]
+        return [[named[names[k]] for k in both] for both in self._numbers.tolist()]
 
     def violations(self, q: Array, pairs: Sequence[int], margins: Array) -> Array:
         """Return violations of margins (N,) [m] by some pairs: (k, 7), zeros if not violated.
