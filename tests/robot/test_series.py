@@ -10,6 +10,7 @@ from wbc.robot import Robot
 from wbc.robot.series import (
     centroidal_derivatives,
     centroidal_series,
+    rates,
     revolute_joints,
     sole_series,
     state_series,
@@ -177,3 +178,11 @@ def test_derivatives_are_those_of_differences(hoap2: Robot, rng: np.random.Gener
         (found.soles[:, 0, :3], by_q.soles["left"][:, :3, 3]),
     ):
         np.testing.assert_allclose(exact[0], quotients(values), atol=1e-6)
+
+
+def test_two_configurations_have_one_velocity_and_no_rate_of_it(hoap2: Robot) -> None:
+    q = hoap2.postures["standing"]
+    step = np.linspace(-0.1, 0.1, hoap2.nv)
+    v, acceleration = rates(hoap2, np.stack((q, hoap2.integrate(q, step, 1.0))), 0.5)
+    np.testing.assert_allclose(v, np.stack((step, step)) / 0.5, atol=1e-12)
+    np.testing.assert_array_equal(acceleration, np.zeros((2, hoap2.nv)))

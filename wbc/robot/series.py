@@ -125,7 +125,7 @@ def rates(robot: KinematicTree, q: Array, dt: float) -> tuple[Array, Array]:
     steps = velocities(robot, q, dt)
     v = np.vstack((steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]))
     inner = np.diff(steps, axis=0) / dt
-    return v, np.vstack((inner[:1], inner, inner[-1:]))
+    return v, np.vstack((inner[:1], inner, inner[-1:])) if len(inner) else np.zeros_like(v)
 
 
 @dataclass(frozen=True, eq=False)
