@@ -60,6 +60,10 @@ REFUSED_MJCFS = {
         {"world": '<replicate count="100000"><body/></replicate>'},
         ("<replicate count='100000'>", "more than 1000"),
     ),
+    "copies that are no number": (
+        {"world": '<replicate count="²"><body/></replicate>'},
+        ("MuJoCo", "count"),
+    ),
     "frame turned by nothing": (
         {"shank": '<frame quat="0 0 0 0"><geom size=".1"/></frame>'},
         ("zero quaternion", "'frame'"),

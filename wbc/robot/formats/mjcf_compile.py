@@ -139,7 +139,7 @@ def _refuse_many_copies(root: ET.Element, path: Path) -> None:
     for element in root.iter():
         copies = 1.0
         for word in element.get("count", "").split() if element.tag in REPEATING else ():
-            copies *= float(word) if word.strip("+").isdigit() else 1.0
+            copies *= float(word) if word.strip("+").isdecimal() else 1.0
         if copies > MOST_COPIES:
             raise ModelError(
                 f"{path}: <{element.tag} count={element.get('count')!r}>: more than {MOST_COPIES}"
