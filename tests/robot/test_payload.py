@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.robot import Robot
+from wbc.robot import Payload, Robot
 from wbc.robot.postures import com_from_middle, is_standing
 from wbc.simulation import Plant
 
@@ -103,6 +103,8 @@ def test_what_no_payload_is_is_refused_by_name(
 ) -> None:
     with pytest.raises((InvalidInputError, UnknownNameError), match=said):
         hoap2.with_payload(**{"frame": "left_hand", "mass": 1.0, **given})
+    with pytest.raises((InvalidInputError, UnknownNameError), match=said):
+        Payload(**{"frame": "left_hand", "mass": 1.0, **given}).attached(hoap2.model)
 
 
 def test_the_drawn_ellipsoid_has_the_payloads_inertia() -> None:

@@ -274,7 +274,6 @@ class Robot(KinematicTree):
         InvalidInputError
             No mass, or an inertia that no body has.
         """
-        self.frame_id(frame)
         model, payload = Payload(frame, mass, com, inertia).attached(self.model)
         payloads = (*self.payloads, payload)
         own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry

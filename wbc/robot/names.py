@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 
 import pinocchio as pin
@@ -43,6 +43,19 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
     if not found:
         raise UnknownNameError(kind, pattern, names)
     return found
+
+
+def looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
+    """Return the index of a name.
+
+    Raises
+    ------
+    UnknownNameError
+        No such name; ``kind`` is named in the message.
+    """
+    if not isinstance(name, str) or name not in indices:
+        raise UnknownNameError(kind, name, indices)
+    return indices[name]
 
 
 def add_base_frame(model: pin.Model) -> tuple[str, ...]:

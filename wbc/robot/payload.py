@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.robot.formats.description import ContactRules, GeometrySource
 from wbc.robot.formats.triangles import Surfaces
-from wbc.robot.names import frame_table
+from wbc.robot.names import frame_table, looked_up
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 ROUNDING = 1e-9  # of the largest moment: tolerance of symmetry and triangle inequality
@@ -75,7 +75,7 @@ class Payload:
             No such frame.
         """
         carrying, taken = model.copy(), {str(frame.name) for frame in model.frames}
-        index = frame_table(model)[self.frame]
+        index = looked_up("frame", self.frame, frame_table(model))
         carrier = carrying.frames[index]
         name = f"{self.frame}_payload"
         while name in taken:

@@ -22,7 +22,7 @@ from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.kernel_check import checked_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import Closure
-from wbc.robot.names import frame_table, matching
+from wbc.robot.names import frame_table, looked_up, matching
 from wbc.robot.passive import PassiveForces
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
@@ -168,7 +168,7 @@ class KinematicTree:
         UnknownNameError
             No such actuated joint.
         """
-        return _looked_up("joint", name, self._joints)
+        return looked_up("joint", name, self._joints)
 
     def joint_indices(self, pattern: str) -> tuple[int, ...]:
         """Return the entries of v of the joints that match a pattern such as ``left_*``.
@@ -188,7 +188,7 @@ class KinematicTree:
         UnknownNameError
             No such frame.
         """
-        return _looked_up("frame", name, self.frame_indices)
+        return looked_up("frame", name, self.frame_indices)
 
     def frame(self, name: str) -> pin.Frame:
         """Return Pinocchio's frame: the joint that carries it, and its placement there.
@@ -339,12 +339,6 @@ class KinematicTree:
         for k in self.limits.unbounded:
             start = self.limits.starts[k]
             _normalise(q[start : start + 2], f"(cos, sin) of joint {self.limits.names[k]!r}")
-
-
-def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
-    if not isinstance(name, str) or name not in indices:
-        raise UnknownNameError(kind, name, indices)
-    return indices[name]
 
 
 def _normalise(part: Array, what: str) -> None:
