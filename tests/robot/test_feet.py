@@ -431,6 +431,8 @@ def test_feet_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         Robot.load(path, feet={"left": FootSpec("left_fot")})
     with pytest.raises(InvalidInputError, match="foot 'left'"):
         Robot.load(path, feet={"left": {"lnk": "left_foot"}})
+    with pytest.raises(InvalidInputError, match="foot 'left', link"):
+        Robot.load(path, feet={"left": {"link": ["left_foot"]}})
     with pytest.raises(InvalidInputError, match="polygon"):
         Robot.load(path, feet={"left": FootSpec("left_foot", [[0.0, 1.0, 2.0]])})
     for wrong in ([], 3.0):

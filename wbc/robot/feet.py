@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.kinds import check_word
 from wbc.polygon import convex_hull
 from wbc.robot.foot_guess import guess_links
 from wbc.robot.formats.description import GeometrySource
@@ -52,7 +53,7 @@ class FootSpec:
         Raises
         ------
         InvalidInputError
-            No link, an unknown key, or a polygon or height that is not made of finite numbers.
+            No name of a link, an unknown key, or a polygon or height not made of finite numbers.
         """
         if not isinstance(given, FootSpec):
             keys = [field.name for field in fields(cls)]
@@ -62,6 +63,7 @@ class FootSpec:
                     f" {given!r}"
                 )
             given = cls(**given)
+        check_word(f"foot {name!r}, link", given.link)
         if given.polygon is not None:
             rows = len(given.polygon) if isinstance(given.polygon, Sized) else 0
             if rows == 0:
