@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from tests import urdf as toy
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError, WbcError
 from wbc.robot import Robot
 
 MJCF = """
@@ -161,3 +162,13 @@ def test_a_rotor_that_turns_harder_than_the_robot_is_noted() -> None:
     assert "gear ratio squared" in note
     for name in ("hoap2_like", "g1", "talos"):
         assert not any("rotor" in note for note in Robot.load(name, armature=0.05).notes)
+
+
+def test_a_rotor_moves_what_has_no_inertia_about_its_axis() -> None:
+    """A point on the axis, as of sensors: the mass matrix is singular but for the rotor's 0.02."""
+    links = toy.link("a"), toy.link("b", moment=0)
+    text = toy.robot("r", *links, toy.joint("j", "a", "b"))
+    with pytest.raises(ModelError, match="joint 'j', link 'b': nothing it moves has inertia"):
+        Robot.load(text, feet={})
+    robot = Robot.load(text, feet={}, armature=0.02)
+    assert robot.snapshot(robot.postures["neutral"]).mass_matrix[6, 6] == pytest.approx(0.02)

@@ -26,7 +26,7 @@ from wbc.robot.formats.triangles import Surfaces, with_meshes
 from wbc.robot.library import NamedRobot, RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
-from wbc.robot.model_checks import check_supported
+from wbc.robot.model_checks import check_joint_inertia, check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import noted, warn_of
@@ -188,6 +188,7 @@ class Robot(KinematicTree):
         found = find_robot(source)
         description, model, couplings, notes = _read(found, locked, package_dirs)
         _set_drives(model, found.known, armature, damping, friction, effort)
+        check_joint_inertia(model, found.path)
         limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         said = read_srdf(states_file, description.model) if states_file else None

@@ -46,9 +46,7 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     _check_joints(model, path)
     notes = _check_masses(model, path) + _check_inertias(model, path)
     notes += _oversized_links(model) + _unit_notes(model) + _immobile_joints(model)
-    notes += _placeholder_limits(model)
-    _check_joint_inertia(model, path)
-    return notes
+    return notes + _placeholder_limits(model)
 
 
 def _check_joints(model: pin.Model, path: Path) -> None:
@@ -229,14 +227,20 @@ def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason:
     )
 
 
-def _check_joint_inertia(model: pin.Model, path: Path) -> None:
-    """Refuse a joint without inertia about its axis, as of a point mass on the axis."""
+def check_joint_inertia(model: pin.Model, path: Path) -> None:
+    """Refuse a joint without inertia about its axis, as of a point mass on it, and no rotor's.
+
+    Raises
+    ------
+    ModelError
+        The message names joint and link.
+    """
     felt = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))  # with the armature
     for joint in range(2, model.njoints):
         if felt[model.idx_vs[joint]] < 1e-12:  # kg m^2, far below any real part
             raise ModelError(
                 f"{_where(model, joint, path)}: nothing it moves has inertia about its axis; give"
-                " the link an inertia, or lock the joint"
+                " the link an inertia or the joint an armature, or lock the joint"
             )
 
 
