@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.kinds import check_word
 from wbc.native import doubles, integers, lib
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
@@ -97,10 +97,9 @@ def mount(what: str, frame: str, position: ArrayLike, rotation: ArrayLike) -> Mo
     Raises
     ------
     InvalidInputError
-        NaN, another shape, or no rotation.
+        No name, NaN, another shape, or no rotation.
     """
-    if not isinstance(frame, str) or not frame:
-        raise InvalidInputError(f"{what}, frame: expected the name of a link or frame")
+    check_word(f"{what}, frame", frame)
     p = finite_array(f"{what}, position", position, (3,))
     R = finite_array(f"{what}, rotation", rotation, (3, 3))
     check_rotation(f"{what}, rotation", R)
