@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from tests import urdf as toy
 from wbc.robot import Robot
-from wbc.robot.collision.bodies import robot_bodies
+from wbc.robot.collision import CollisionModel, robot_bodies
 from wbc.robot.collision.fitting import fit_capsule, fit_hull, quick_capsule
 from wbc.robot.collision.refine import FinerShapes
 from wbc.robot.collision.shapes import Capsule, Hull
@@ -157,6 +158,23 @@ def test_cylinders_and_boxes(fit: str, hoap2) -> None:
             worst = max(outside_hull(point, body.shape.vertices) for point in placed[:20])
             assert worst < body.shape.radius + 1e-6
     assert {coal.Cylinder, coal.Box} <= seen
+
+
+FLAT = ("box size='0.2 0.1 0'", "box size='0 0 0.3'", "box size='0 0 0'")
+FLAT += ("cylinder radius='0.1' length='0'", "cylinder radius='0' length='0.2'")
+
+
+@pytest.mark.parametrize("fit", FITS)
+@pytest.mark.parametrize("shape", FLAT)
+def test_boxes_and_cylinders_may_be_flat(shape: str, fit: str) -> None:
+    flat = toy.link("a", toy.collision(shape)), toy.link("b", toy.collision("sphere radius='0.1'"))
+    robot = Robot.load(toy.robot("r", *flat, toy.joint("j", "a", "b", at="0 0 1")), feet={})
+    bodies = robot_bodies(robot, fit)
+    here = robot.snapshot(robot.postures["neutral"])
+    (distance,) = CollisionModel(robot, bodies, [(1, 0)]).nearest(here).distance
+    raw = robot.collision_model.geometryObjects[0].geometry
+    apart = 0.9 - raw.halfSide[2] if isinstance(raw, coal.Box) else 0.9 - raw.halfLength
+    assert apart - bodies[0].bulge - 2e-4 < distance < apart + 1e-9
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 200])

@@ -119,18 +119,18 @@ def simple_shape(geometry: object, fit: str, where: str) -> Fit:
         case coal.Capsule():
             end = np.array([0.0, 0.0, geometry.halfLength])
             return Fit(Capsule.of(-end, end, geometry.radius), 0.0)
-        case coal.Box():
+        case coal.Box() if min(geometry.halfSide) > 0.0:
             return Fit(Hull.box(2.0 * np.asarray(geometry.halfSide)), 0.0)
         case coal.Cylinder() if fit == "capsule":
             return _round_cylinder(float(geometry.radius), float(geometry.halfLength))
-        case coal.Cylinder():
+        case coal.Cylinder() if min(geometry.radius, geometry.halfLength) > 0.0:
             return _prism(float(geometry.radius), float(geometry.halfLength))
         case coal.Halfspace() | coal.Plane():
             raise ModelError(f"{where}: a plane moves with the link; give it a shape that ends")
     vertices = _vertices(geometry)
     if not len(vertices):
         raise ModelError(f"{where}: {type(geometry).__name__} is no shape we know; use a mesh")
-    smooth = isinstance(geometry, coal.Ellipsoid | coal.Cone)
+    smooth = isinstance(geometry, coal.Ellipsoid | coal.Cone | coal.Cylinder)  # one that is flat
     pad = _sag(vertices) if smooth else 0.0
     return (fit_capsule if fit == "capsule" else fit_hull)(vertices, pad)
 
