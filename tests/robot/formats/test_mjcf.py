@@ -101,6 +101,21 @@ def test_unsupported_mjcfs_are_refused_by_name(tmp_path: Path, case: str) -> Non
     assert "\n" not in message
 
 
+@pytest.mark.parametrize(("group", "counts"), [("0 1", False), ("0 2", True)])
+def test_a_missing_mesh_of_a_group_without_mass_is_left_out(group: str, counts: bool) -> None:
+    mesh = '<geom type="mesh" mesh="m" group="2"/>'
+    text = (
+        f'<mujoco><compiler inertiagrouprange="{group}"/>'
+        '<asset><mesh name="m" file="m.stl"/></asset><worldbody>'
+        f'<body name="b"><freejoint/><geom size=".1" mass="3"/>{mesh}</body></worldbody></mujoco>'
+    )
+    if counts:
+        with pytest.raises(ModelError, match="of body 'b' was not found, and the body takes its"):
+            Robot.load(text)
+        return
+    assert Robot.load(text).mass == 3.0
+
+
 @pytest.mark.parametrize("angle", ["radian", "degree"])
 def test_slides_are_lengths_in_any_angle(tmp_path: Path, angle: str) -> None:
     joints = (

@@ -241,7 +241,7 @@ def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bo
             if str(geom.meshname) not in gone:
                 continue
             where = f"{gone[str(geom.meshname)]} of body {str(body.name)!r}"
-            if _counts_in_inertia(mujoco, spec, body, geom):
+            if _counts_in_inertia(spec, body, geom):
                 raise ModelError(
                     f"{path}: mesh {where} was not found, and the body takes its inertia from it;"
                     " bring the file, or give the body an <inertial>"
@@ -281,12 +281,12 @@ def _leave_out_pairs(spec: Any) -> list[str]:
     return list(found)
 
 
-def _counts_in_inertia(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:
+def _counts_in_inertia(spec: Any, body: Any, geom: Any) -> bool:
     """Return whether a geom's mass counts in the inertia of its body."""
-    if str(body.name) == "world":
-        return False
-    given = bool(body.explicitinertial)
-    if given and int(spec.compiler.inertiafromgeom) != 1:  # mjINERTIAFROMGEOM_TRUE
+    low, high = spec.compiler.inertiagrouprange
+    counting = (1,) if body.explicitinertial else (1, 2)  # true; auto, where there is no <inertial>
+    inferred = int(spec.compiler.inertiafromgeom) in counting and low <= int(geom.group) <= high
+    if str(body.name) == "world" or not inferred:
         return False
     mass = float(geom.mass)
     return mass > 0.0 or (mass != mass and float(geom.density) > 0.0)
