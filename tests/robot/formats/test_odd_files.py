@@ -324,3 +324,9 @@ def test_a_compiled_file_says_how_it_is_loaded(tmp_path: Path) -> None:
     (tmp_path / "r.mjb").write_bytes(b"\1\0\2")
     with pytest.raises(ModelError, match=r"MjModel\.from_binary_path"):
         Robot.load(tmp_path / "r.mjb")
+
+
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "UTF-16", "UTF-8"])
+def test_what_text_says_of_its_encoding_means_nothing(encoding: str) -> None:
+    text = f'<?xml version="1.0" encoding="{encoding}"?>\n' + urdf(name="kr\u00e4ftig")
+    assert Robot.load(text).joint_names == ("kr\u00e4ftig",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +13,8 @@ from wbc.robot.formats.description import Description
 from wbc.robot.formats.mjcf import read_mjcf
 from wbc.robot.formats.urdf import read_urdf
 from wbc.robot.formats.xml import parsed, read_xml
+
+_DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
 
 
 def read_description(
@@ -40,7 +43,8 @@ def read_description(
     """
     if given is not None and not isinstance(given, str):
         return read_mjcf(given, path)
-    root: ET.Element = read_xml(path) if given is None else parsed(given.encode(), path)
+    # Text says no more in which encoding its bytes were.
+    root = read_xml(path) if given is None else parsed(_DECLARATION.sub("", given).encode(), path)
     _without_namespace(root)
     if root.tag == "robot":
         return read_urdf(root, path, tuple(package_dirs))
