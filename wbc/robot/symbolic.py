@@ -8,18 +8,20 @@ in the world.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from wbc.placement import Placement, constant, from_quaternion, rotation_log, turn_about
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import Robot
 from wbc.robot.names import BASE, COM, WORLD
+from wbc.robot.parallel_axis import is_com, moving_frame
 from wbc.spatial import COLUMNS, ROWS
 from wbc.validate import Array
 
@@ -169,14 +171,14 @@ class SymbolicPosture:
         """CoM (3, 1) [m], world axes."""
         return self.base.position + ca.mtimes(self.base.rotation, self.local.com)
 
-    def inertia_in(self, frame: str = WORLD, about: str | Sequence[float] = COM) -> ca.SX:
+    def inertia_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> ca.SX:
         """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.
 
         ``about`` is as in :meth:`wbc.Snapshot.inertia_in`. In axes of the robot, about its CoM or a
         frame, it is an expression of the joints alone, structurally.
         """
         inertia = self.local.inertia
-        if about != COM:
+        if not is_com(about):
             arm = self._local_arm(about)
             inertia += self.local.robot.mass * (ca.dot(arm, arm) * ca.SX.eye(3) - arm @ arm.T)
         if frame == BASE:
@@ -184,11 +186,12 @@ class SymbolicPosture:
         R = self.base.rotation.T if frame == WORLD else self.local.frame(frame).rotation
         return ca.mtimes(ca.mtimes(R.T, inertia), R)
 
-    def _local_arm(self, about: str | Sequence[float]) -> ca.SX:
+    def _local_arm(self, about: str | ArrayLike) -> ca.SX:
         """Return the arm (3, 1) from a point to the CoM, base axes [m]."""
-        if isinstance(about, str) and about != WORLD:
-            return self.local.com - self.local.frame(about).position
-        point = np.zeros(3) if about == WORLD else np.array(about, dtype=float)
+        frame = moving_frame(about)
+        if frame is not None:
+            return self.local.com - self.local.frame(frame).position
+        point = np.zeros(3) if isinstance(about, str) else np.array(about, dtype=float)
         return ca.mtimes(self.base.rotation.T, self.com - point)
 
     def position(self, frame: str) -> ca.SX:
@@ -221,7 +224,7 @@ class SymbolicPosture:
         selection: Array,
         target: Array | ca.SX,
         frame: str = WORLD,
-        about: str | Sequence[float] = COM,
+        about: str | ArrayLike = COM,
     ) -> ca.SX:
         """Return selection (k, 6) times vech of the CRB inertia minus ``target`` (3, 3)."""
         return ca.mtimes(ca.DM(selection), vech_symbolic(self.inertia_in(frame, about) - target))
