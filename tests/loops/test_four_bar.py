@@ -10,6 +10,7 @@ from tests.loops import four_bar
 from tests.standing import commanded
 from wbc import KinematicController, Limits, PostureTask, TorqueController, WbcError
 from wbc.constraints.mechanics import ClosedLoop
+from wbc.errors import UnknownNameError
 from wbc.robot import Robot
 from wbc.simulation import Plant, simulate
 
@@ -43,6 +44,8 @@ def test_postures_are_closed_by_the_joints_without_a_motor() -> None:
     q[8] += 0.1
     assert robot.gaps(q)["pin"] > 0.01
     np.testing.assert_allclose(robot.closed(q)[7:], wanted, atol=1e-9)
+    with pytest.raises(UnknownNameError, match="did you mean 'rocker'"):
+        robot.closed(q, kept=["rokcer"])
     with pytest.raises(WbcError, match=r"no posture near it closes them \(open: pin by"):
         robot.posture("standing", {"rocker": wanted[2], "crank": 0.0})
 

@@ -286,8 +286,12 @@ class KinematicTree:
         ------
         InvalidInputError
             No such configuration is found, or see :meth:`check_configuration`.
+        UnknownNameError
+            No such joint to keep.
         """
         start = self.check_configuration(q)
+        for joint in kept:
+            self.joint_index(joint)
         return self.closure.closed(start, kept) if self.loops else start
 
     def gaps(self, q: ArrayLike) -> dict[str, float]:
