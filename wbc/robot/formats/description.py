@@ -83,9 +83,8 @@ def confirm(
     ModelError
         Another mass, or other joints.
     """
-    missing_shapes = sorted(set(joints) ^ (set(joints) & set(model.names)))
-    if missing_shapes:
-        raise ModelError(f"{path}: joints {', '.join(map(repr, missing_shapes[:5]))} were not read")
+    if lost := sorted({*joints} - {*model.names}):
+        raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
     total = math.fsum(masses.values())
     read = float(pin.computeTotalMass(model))
     if abs(read - total) > 1e-9 * abs(total):  # NaN is not
@@ -206,29 +205,28 @@ def lock_joints(
         for pattern, value in locked.items()
         for k in matching(pattern, names, "joint to lock")
     }
-    couplings = dict[str, Coupling]()
+    couplings, limits = dict[str, Coupling](), JointLimits.of(model)
     for joint in description.coupled:
         if joint in locked:
             continue
         coupling = _final_driver(description, joint, locked)
         if coupling.is_constant:
-            locked[joint] = _constant(description, joint, coupling.offset)
+            locked[joint] = _constant(description.path, limits, joint, coupling.offset)
         elif coupling.driver in locked:
             value = finite_number(f"joint {coupling.driver!r}", locked[coupling.driver])
             locked[joint] = coupling.value(value)
         else:
-            _check_reach(description, joint, coupling)
+            _check_reach(description.path, limits, joint, coupling)
             couplings[joint] = coupling
     if not locked:
         return model.copy(), couplings
     reference = pin.neutral(model)
-    limits = JointLimits.of(model)
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
     return reduced_model(model, [*locked], reference), couplings
 
 
-def _check_reach(description: Description, joint: str, coupling: Coupling) -> None:
+def _check_reach(path: Path, limits: JointLimits, joint: str, coupling: Coupling) -> None:
     """Refuse a mimic joint that its driver never moves within its own limits.
 
     Raises
@@ -236,29 +234,26 @@ def _check_reach(description: Description, joint: str, coupling: Coupling) -> No
     ModelError
         No position of the driver is one at which both are within their limits.
     """
-    limits = JointLimits.of(description.model)
     driver, own = limits.names.index(coupling.driver), limits.names.index(joint)
     low, high = max(limits.lower[driver], -DRIVER_RANGE), min(limits.upper[driver], DRIVER_RANGE)
-    steps = (
-        np.linspace(low, high, DRIVER_SAMPLES) if any(coupling.curved) else np.array((low, high))
+    values = coupling.polynomial(
+        np.linspace(low, high, 2 if coupling.is_linear else DRIVER_SAMPLES)
     )
-    values = coupling.polynomial(steps)
     least, most = float(values.min()), float(values.max())
     if least > limits.upper[own] + ROUNDING or most < limits.lower[own] - ROUNDING:
         raise ModelError(
-            f"{description.path}: joint {joint!r} follows {coupling.driver!r} to {least:g} or more"
+            f"{path}: joint {joint!r} follows {coupling.driver!r} to {least:g} or more"
             f" and {most:g} or less, outside its own limits [{limits.lower[own]:g},"
             f" {limits.upper[own]:g}]; correct limits, ratio or offset"
         )
 
 
-def _constant(description: Description, joint: str, value: float) -> float:
+def _constant(path: Path, limits: JointLimits, joint: str, value: float) -> float:
     """Return the value at which a file holds a joint, within its limits."""
-    limits = JointLimits.of(description.model)
     k = limits.names.index(joint) if joint in limits.names else -1
     if k < 0 or abs(limits.nearest(k, value) - value) > 1e-6:
         raise ModelError(
-            f"{description.path}: joint {joint!r} is held at {value:g} by an equality constraint,"
+            f"{path}: joint {joint!r} is held at {value:g} by an equality constraint,"
             " outside its limits; correct either"
         )
     return value

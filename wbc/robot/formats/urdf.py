@@ -75,14 +75,14 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     refuse_macros(root, path)
     head_notes = complete_root(root, path) + unknown_words(root) + unread_physics(root)
     world_notes = _add_world(root)
-    joints, base = _checked_tree(root, path)
+    base = _checked_root(root, path)
     world_notes += float_by_one_joint(root, base, path)
     joints = root.findall("joint")
     floats = any(joint.get("type") == "floating" for joint in joints)
     notes = head_notes + world_notes + drop_empty_limits(joints)
     notes += drop_world_shapes(root, base) if floats else ()
     notes += drop_repeated(root) + complete_materials(root)
-    notes += tuple(filter(None, (foreign_joints_hint(root),)))
+    notes += (hint,) if (hint := foreign_joints_hint(root)) else ()
     shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
@@ -126,8 +126,8 @@ def _add_world(root: ET.Element) -> tuple[str, ...]:
     return (f"the link {WORLD!r} is not in the file, and taken for the world",)
 
 
-def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
-    """Return the joints, which join all links into one tree, and the name of its root."""
+def _checked_root(root: ET.Element, path: Path) -> str:
+    """Return the name of the root of the one tree into which joints join all links."""
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
     if not links:
@@ -150,10 +150,10 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
         raise ModelError(f"{path}: expected one root link, found {len(roots)} ({also})")
     check_floating(joints, roots[0], path)
     _check_depth(parents, path)
-    check_joint_count(sum(joint.get("type") in MOVING for joint in joints), path)
-    moving = (joint.get("name", "") for joint in joints if joint.get("type") in MOVING)
+    moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
+    check_joint_count(len(moving), path)
     refuse_reserved(moving, path)
-    return joints, roots[0].get("name", "")
+    return roots[0].get("name", "")
 
 
 def _check_depth(parents: Mapping[str, str], path: Path) -> None:
@@ -226,9 +226,8 @@ def _check_inertial(link: ET.Element, where: str) -> None:
 def _check_shapes(link: ET.Element, where: str) -> Iterator[tuple[str, str, str]]:
     """Refuse shapes with wrong numbers; remove those without a solid that is known.
 
-    Yield purpose, kind and link of the removed ones.
-
-    The parser would print a message for both and skip them.
+    The parser would print a message for both and skip them. Yield purpose, kind and link of the
+    removed ones.
     """
     for shape in (*link.findall("collision"), *link.findall("visual")):
         _check_origin(shape, where)
