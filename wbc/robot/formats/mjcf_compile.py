@@ -76,12 +76,9 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     with quietly(mujoco), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
-            older = () if root is None else _removed_attributes(root)
-            source = (
-                _spec_without_removed(mujoco, source, root)
-                if older and root is not None
-                else source
-            )
+            older = () if root is None else _drop_removed(root)
+            if older and root is not None:
+                source = _spec_of(mujoco, root, source)
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             said = " ".join(str(error).removeprefix("Error: ").split())
@@ -107,23 +104,19 @@ def _include(element: ET.Element, folders: tuple[Path, ...], seen: set[Path]) ->
             element[k : k + 1] = list(included)
 
 
-def _removed_attributes(root: ET.Element) -> tuple[str, ...]:
-    """Return the :data:`REMOVED_ATTRIBUTES` of a document, in words."""
+def _drop_removed(root: ET.Element) -> tuple[str, ...]:
+    """Drop the :data:`REMOVED_ATTRIBUTES` of a document; return them in words."""
     return tuple(
         f"<{tag} {name}>"
         for tag, names in REMOVED_ATTRIBUTES.items()
         for element in root.iter(tag)
         for name in names
-        if name in element.attrib
+        if element.attrib.pop(name, None) is not None
     )
 
 
-def _spec_without_removed(mujoco: Any, source: Any, root: ET.Element) -> Any:
-    """Return the specification of a document without :data:`REMOVED_ATTRIBUTES`, which go."""
-    for tag, names in REMOVED_ATTRIBUTES.items():
-        for element in root.iter(tag):
-            for name in names:
-                element.attrib.pop(name, None)
+def _spec_of(mujoco: Any, root: ET.Element, source: Any) -> Any:
+    """Return the specification of a document that was read from ``source``."""
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     if isinstance(source, Path):
         spec.modelfiledir = str(source.parent)
@@ -187,7 +180,7 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     name = _name_or_stem(str(spec.modelname), path)
     refuse_huge_meshes(file for _, file in _files(spec, spec.meshes) if file is not None)
     try:
-        return _with_hinges(Compiled(mujoco, spec.compile(), name), spec)
+        return _with_hinges(mujoco, spec, name)
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
         shapes, missing = _leave_out_missing(mujoco, spec, path)
@@ -198,13 +191,15 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     notes = noted(told, shapes, 3)
     notes += noted("contact pairs with what is not in the file left out: {}", elsewhere)
     missing_shapes = tuple(words for words, collides in shapes.items() if collides)
-    return _with_hinges(Compiled(mujoco, spec.compile(), name, notes, missing_shapes), spec)
+    return _with_hinges(mujoco, spec, name, notes, missing_shapes)
 
 
-def _with_hinges(found: Compiled, spec: Any) -> Compiled:
-    """Return a compiled specification with hinges for ball joints."""
-    model, notes = without_balls(found.mujoco, spec, found.model)
-    return replace(found, model=model, notes=found.notes + notes)
+def _with_hinges(
+    mujoco: Any, spec: Any, name: str, notes: tuple[str, ...] = (), missing: tuple[str, ...] = ()
+) -> Compiled:
+    """Return a specification, compiled, with hinges for ball joints."""
+    model, more = without_balls(mujoco, spec, spec.compile())
+    return Compiled(mujoco, model, name, notes + more, missing)
 
 
 def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:

@@ -38,9 +38,7 @@ def set_joints(part: RobotPart, tree: pin.Model) -> None:
             continue
         index = tree.getJointId(part.names.joints[joint])
         q, v = int(tree.idx_qs[index]), int(tree.idx_vs[index])
-        low, high = -math.inf, math.inf
-        if model.jnt_limited[joint]:
-            low, high = model.jnt_range[joint].tolist()
+        low, high = _range(model.jnt_range[joint]) if model.jnt_limited[joint] else UNBOUNDED
         tree.lowerPositionLimit[q], tree.upperPositionLimit[q] = low, high
         dof = int(model.jnt_dofadr[joint])
         tree.armature[v] = float(model.dof_armature[dof]) + rotors.get(joint, 0.0)

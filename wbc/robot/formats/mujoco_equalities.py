@@ -186,8 +186,8 @@ def add_loops(
         A constraint ties a floating base to the world.
     """
     loops, model, names = dict[str, Loop](), part.model, part.names
-    tied, on_world = set(_active(part)), list[str]()
-    for number in range(model.neq):
+    tied, on_world = _active(part), list[str]()
+    for number in tied:
         kind = _kind(part, number)
         if kind.name not in TIES or not _is_robots_own(part, number):
             continue
@@ -195,8 +195,6 @@ def add_loops(
         name = names.equalities[number] or " to ".join(names.bodies[body] for body in ends)
         while name in loops:
             name += "'"
-        if number not in tied:
-            continue
         if 0 in ends and part.floats:
             raise ModelError(
                 f"{part.path}: equality constraint <{kind.name[5:].lower()} name={name!r}> ties the"
