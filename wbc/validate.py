@@ -14,6 +14,7 @@ from wbc.errors import InvalidInputError, shown
 
 Array = NDArray[np.floating[Any]]
 Bools = NDArray[np.bool_]
+Index = NDArray[np.int64]  # numbers of things
 Part = TypeVar("Part")
 # Numbers beyond this are refused: they are implausible, and products of a few would overflow.
 LARGEST = 1e30

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.robot.formats.triangles import BOX_CORNERS, Triangles
 from wbc.robot.model import Robot
-from wbc.validate import Array, read_only
+from wbc.validate import Array, Index, read_only
 
 VERTICES_AROUND = (
     96  # vertices around an axis: a chord is at most 0.05 % of the radius inside the circle
@@ -27,7 +27,7 @@ class Mesh:
     vertices: Array  # (k, 3) [m], read-only
     # Triangles (m, 3) as indices of vertices, read-only. Their winding is the file's and may be
     # either.
-    faces: NDArray[np.int64]
+    faces: Index
     colour: tuple[float, float, float]  # red, green, blue in [0, 1], as the file says
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ def triangulated(shape: object) -> Triangles:
     return _NOTHING
 
 
-def _indices(triangles: list[coal.Triangle]) -> NDArray[np.int64]:
+def _indices(triangles: list[coal.Triangle]) -> Index:
     corners = [(triangle[0], triangle[1], triangle[2]) for triangle in triangles]
     return np.array(corners, dtype=np.int64).reshape(-1, 3)
 

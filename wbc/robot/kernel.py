@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.limits import JointLimits
 from wbc.spatial import vech
-from wbc.validate import FLOAT, Array, is_plain, read_only
+from wbc.validate import FLOAT, Array, Index, is_plain, read_only
 
 
 class NativeTree:
@@ -201,7 +201,7 @@ class NativePass:
         return out
 
 
-def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.int64], Array]:
+def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[Index, Array]:
     """Return the joints (k,) and the placements there (k, 12) of frames, as the core reads them."""
     every = [model.frames[index] for index in frames]
     joints = np.array([frame.parentJoint for frame in every], dtype=np.int64)
@@ -209,7 +209,7 @@ def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.in
     return joints, placements
 
 
-def joint_starts(limits: JointLimits) -> NDArray[np.int64]:
+def joint_starts(limits: JointLimits) -> Index:
     """Return the joints' indices in q (joints,); -index - 1 for those stored as (cos, sin)."""
     starts, turning = np.array(limits.starts, dtype=np.int64), list(limits.unbounded)
     starts[turning] = -starts[turning] - 1

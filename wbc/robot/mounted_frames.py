@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.kinds import check_word
 from wbc.native import doubles, integers, lib
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
 from wbc.rotations import check_rotation
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, Index, finite_array, read_only
 
 
 class Mount(NamedTuple):
@@ -79,7 +79,7 @@ class MountedFrames:
         return self.frames[k, 12:].reshape(6, -1)
 
 
-def mounted_places(robot: Robot, mounts: Sequence[Mount]) -> tuple[NDArray[np.int64], Array]:
+def mounted_places(robot: Robot, mounts: Sequence[Mount]) -> tuple[Index, Array]:
     """Return the joint (k,) that carries each mount, and its rotation and origin (k, 12) there."""
     frames = [robot.frame(mount.frame) for mount in mounts]
     joints = np.array([frame.parentJoint for frame in frames], dtype=np.int64)

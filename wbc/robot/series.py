@@ -13,13 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.robot.model import Robot
 from wbc.robot.tree import KinematicTree
 from wbc.spatial import vech_inverse
-from wbc.validate import Array, finite_array
+from wbc.validate import Array, Bools, finite_array
 
 FRAMES_PER_CALL = 500  # frames from one call of ``progress`` to the next
 Progress = Callable[[int, int], None]
@@ -236,7 +235,7 @@ def sole_series(robot: Robot, q: Array, progress: Progress | None = None) -> dic
     return soles
 
 
-def revolute_joints(robot: Robot) -> NDArray[np.bool_]:
+def revolute_joints(robot: Robot) -> Bools:
     """Return which actuated joints turn rather than slide (nv-6,), bool."""
     model = robot.model
     kinds = [model.joints[model.getJointId(name)].shortname() for name in robot.joint_names]

@@ -10,16 +10,14 @@ from collections.abc import Sequence
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.robot.collision.fitting import convex
 from wbc.robot.collision.shapes import Body, Capsule
 from wbc.robot.model import Snapshot
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 TOLERANCE = 1e-7  # m, of coal's distances
 UNIT = 1e-3  # tolerance of a normal's squared length
-Index = NDArray[np.int64]
 
 
 def split_rows(found: Array) -> tuple[Array, Array, Array]:

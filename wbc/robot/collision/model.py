@@ -7,16 +7,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.distances import ShapePairs, split_rows
-from wbc.robot.collision.native_pairs import Closing, Index, NativePairs
+from wbc.robot.collision.native_pairs import Closing, NativePairs
 from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, Bools, Index, finite_array, read_only
 
 # If many bodies touch, so many times as many pairs are requested from the core before all: it does
 # not know penetration depths, so other pairs may be deeper.
@@ -198,7 +197,7 @@ class CollisionModel:
         late = np.flatnonzero(left < 0.0)
         return distances.take(late), left.take(late)
 
-    def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
+    def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> Bools:
         """Measure the pairs that the core could not, by coal; return the others' mask (k,)."""
         known = found[0] > -np.inf
         if not known.all():

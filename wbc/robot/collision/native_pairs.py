@@ -17,9 +17,7 @@ from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.collision.fitting import quick_capsule
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
 from wbc.robot.kernel import NativeState, NativeTree
-from wbc.validate import Array
-
-Index = NDArray[np.int64]
+from wbc.validate import Array, Index
 
 
 class Closing(NamedTuple):

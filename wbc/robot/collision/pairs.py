@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.robot.collision.bodies import named_shapes
@@ -17,7 +16,7 @@ from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.model import Robot
 from wbc.robot.names import matching
 from wbc.robot.postures import STANDING
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, Bools, finite_number
 
 SAMPLES = 200  # random postures
 ALMOST_ALWAYS = 0.95  # share of them: pairs that touch this often cannot be kept apart
@@ -174,7 +173,7 @@ class _Candidates:
         measured = self._sample_distances(CollisionModel(self._robot, bodies, pairs))
         return np.minimum.reduceat(measured, starts, axis=1)
 
-    def _almost_always_touching(self) -> NDArray[np.bool_]:
+    def _almost_always_touching(self) -> Bools:
         """Return the mask of pairs that almost always touch in random postures."""
         samples = self._distance[1:]
         return np.count_nonzero(samples < 0.0, axis=0) >= ALMOST_ALWAYS * max(len(samples), 1)

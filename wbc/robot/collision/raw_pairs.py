@@ -13,11 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.collision.bodies import named_shapes
-from wbc.robot.collision.distances import Index
 from wbc.robot.collision.fitting import convex, fit_close_hull
 from wbc.robot.collision.shapes import Body
 from wbc.robot.model import Robot
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 CONTACT = 1e-6  # m
 HULL_TOLERANCE, ROUNDING = 1e-3, 1e-5  # m: of hulls around meshes, and of Coal's distances

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.robot.collision.bodies import NamedSurface, named_surfaces, simple_shape
 from wbc.robot.collision.fitting import Fit, convex, fit_close_hull, hull_corners
@@ -26,7 +25,7 @@ from wbc.robot.formats.triangles import Triangles, as_bvh, without_unused_vertic
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
 from wbc.robot.postures import STANDING
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 TOLERANCES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)  # m, of hulls: the coarsest sufficient one is used
 Pair = tuple[int, int]
@@ -50,7 +49,7 @@ class _Surface:
     """Triangles (m, 3) of some vertices (k, 3)."""
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Index
 
     @cached_property
     def points(self) -> Array:

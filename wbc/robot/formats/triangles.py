@@ -8,11 +8,9 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
-Index = NDArray[np.int64]
 # Corners (8, 3) of the box from -1 to 1.
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
