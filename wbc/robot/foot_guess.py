@@ -314,30 +314,19 @@ def _named_feet(
         named = [(foot.removeprefix("front_"), frame) for foot, frame in named]
     cornered = [frame for foot, frame in named if foot in CORNERS]
     by_place = _by_position(data, {int(frame.parentJoint): frame for frame in cornered})
-    if len(by_place) != len(CORNERS):
-        return named
-    return list(by_place.items())
+    return list(by_place.items()) or named
 
 
 def _by_position(data: pin.Data, feet: Mapping[int, Any]) -> dict[str, Any]:
     """Return four feet, given by their joints, named by their positions; empty for other counts."""
-    at = {joint: data.oMi[1].actInv(data.oMi[joint]).translation for joint in feet}
-    base = pin.Quaternion(data.oMi[1].rotation).matrix()
-    at = {joint: base @ place for joint, place in at.items()}  # with the base upright
+    base = data.oMi[1].translation
+    at = {joint: data.oMi[joint].translation - base for joint in feet}
     lefts = sorted((j for j in at if at[j][1] > 0.0), key=lambda j: -at[j][0])
     rights = sorted((j for j in at if at[j][1] < 0.0), key=lambda j: -at[j][0])
     if len(lefts) != 2 or len(rights) != 2:
         return {}
     ordered = (lefts[0], rights[0], lefts[1], rights[1])
     return {name: feet[joint] for name, joint in zip(CORNERS, ordered, strict=True)}
-
-
-def _four_lowest(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[dict[str, str], str]:
-    """Return the four lowest ends of limbs as feet, if two are on either side, or why not."""
-    found = _by_position(data, low)
-    if not found:
-        return {}, f"{lowest}, are not two to either side"
-    return found, ""
 
 
 def bodies_of(model: pin.Model) -> list[pin.Frame]:
@@ -400,7 +389,8 @@ def _lowest_pair(
     if hand is not None:
         return {}, f"{lowest}, are fingers of {hand}"
     if len(low) == 4:
-        return _four_lowest(data, {joint: str(ends[joint].name) for joint in low}, lowest)
+        feet = _by_position(data, {joint: str(ends[joint].name) for joint in low})
+        return feet, "" if feet else f"{lowest}, are not two to either side"
     if len(low) != 2:
         return {}, f"{lowest}, are not a pair"
     soles = []

@@ -13,10 +13,8 @@ from wbc.robot.formats.triangles import BOX_CORNERS, Triangles
 from wbc.robot.model import Robot
 from wbc.validate import Array, Index, read_only
 
-VERTICES_AROUND = (
-    96  # vertices around an axis: a chord is at most 0.05 % of the radius inside the circle
-)
-VERTICES_ALONG = 48  # from pole to pole
+# Around an axis: a chord is at most 0.05 % of the radius inside the circle; and from pole to pole.
+VERTICES_AROUND, VERTICES_ALONG = 96, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +70,11 @@ class RobotMeshes:
 def _in_joint_frame(
     model: pin.Model, shape: pin.GeometryObject, read: Triangles | None
 ) -> tuple[int, Mesh]:
-    rgba = [float(value) for value in shape.meshColor]
-    surface = read or triangulated(shape.geometry)
-    if not rgba[3] > 0.0:
-        surface = _NOTHING
-    link = str(model.frames[shape.parentFrame].name)
-    mesh = Mesh(link, surface.vertices, surface.faces, (rgba[0], rgba[1], rgba[2]))
-    return int(shape.parentJoint), _moved(
-        mesh, shape.placement.rotation, shape.placement.translation
-    )
+    red, green, blue, alpha = (float(value) for value in shape.meshColor)
+    surface = (read or triangulated(shape.geometry)) if alpha > 0.0 else _NOTHING
+    link, pose = str(model.frames[shape.parentFrame].name), shape.placement
+    mesh = Mesh(link, *surface, (red, green, blue))
+    return int(shape.parentJoint), _moved(mesh, pose.rotation, pose.translation)
 
 
 def _moved(mesh: Mesh, rotation: Array, origin: Array) -> Mesh:
@@ -156,10 +150,7 @@ def ellipsoid(radii: Array) -> Triangles:
 def _revolved(radii: Array, heights: Array) -> Triangles:
     """Return the surface that points (radius, height), from the bottom up, sweep around z."""
     angles = np.linspace(0.0, 2.0 * np.pi, VERTICES_AROUND, endpoint=False)
-    x, y = (
-        np.outer(radii, np.cos(angles)),
-        np.outer(radii, np.sin(angles)),
-    )  # (rings, VERTICES_AROUND)
+    x, y = np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))  # rings
     z = np.broadcast_to(heights[:, None], x.shape)
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     first = np.arange((len(radii) - 1) * VERTICES_AROUND).reshape(-1, VERTICES_AROUND)

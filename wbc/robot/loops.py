@@ -111,13 +111,12 @@ class Closure:
         rest = [k for k, name in enumerate(names) if name not in kept]
         first = [k for k in rest if names[k] in passive]
         loose = [k for k in first if names[k] not in self.sprung]
-        nearest, found = np.inf, q
+        found = q
         for columns in (loose, first, rest):
             if not columns and columns is not rest:
                 continue
             found = self._minimise_gaps(q, np.array(columns, dtype=int))
-            nearest = float(np.abs(self.errors(found)[0]).max())
-            if nearest <= CLOSED_GAP:
+            if np.abs(self.errors(found)[0]).max() <= CLOSED_GAP:
                 return found
         gaps = [f"{name} by {by:.3g}" for name, by in self.gaps(found).items() if by > CLOSED_GAP]
         where = f"open: {listed(gaps)} m or rad at the nearest" if gaps else self._open_gears(found)

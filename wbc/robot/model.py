@@ -30,7 +30,7 @@ from wbc.robot.model_checks import check_joint_inertia, check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import noted, warn_of
-from wbc.robot.payload import CarryingGeometry, Payload, payload_note
+from wbc.robot.payload import CarryingGeometry, Payload
 from wbc.robot.postures import (
     STANDING,
     close_postures,
@@ -278,7 +278,8 @@ class Robot(KinematicTree):
         model, payload = Payload(frame, mass, com, inertia).attached(self.model)
         payloads = (*self.payloads, payload)
         own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry
-        postures, notes = dict(self.postures), payload_note([payload])
+        postures = dict(self.postures)
+        notes = (*self.notes, f"carries {payload.mass:g} kg at {frame!r}, which touches nothing")
         if self.feet:
             q = postures[STANDING]
             place = com_from_middle(self.model, q, self.feet)
@@ -289,7 +290,7 @@ class Robot(KinematicTree):
             self,
             model=model,
             postures=postures,
-            notes=self.notes + notes,
+            notes=notes,
             geometry=CarryingGeometry(own, payloads),
             payloads=payloads,
         )

@@ -7,8 +7,8 @@ in pictures. It touches nothing: it has no collision shape.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import coal
@@ -53,7 +53,7 @@ class Payload:
     mass: float
     com: ArrayLike = (0.0, 0.0, 0.0)
     inertia: ArrayLike = (0.0, 0.0, 0.0)
-    name: str = field(default="")
+    name: str = ""
 
     def __post_init__(self) -> None:
         mass = finite_number("payload, mass", self.mass, above=0.0)
@@ -166,10 +166,3 @@ def _drawable(model: pin.Model, payload: Payload) -> Any:
     )
     shape.meshColor = np.array(COLOUR)
     return shape
-
-
-def payload_note(payloads: Sequence[Payload]) -> tuple[str, ...]:
-    """Return a note of what is carried."""
-    return tuple(
-        f"carries {one.mass:g} kg at {one.frame!r}, which touches nothing" for one in payloads
-    )

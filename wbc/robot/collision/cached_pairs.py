@@ -66,8 +66,7 @@ def _from_cache(robot: Robot, request: str, make: Callable[[], Fitted]) -> Fitte
     """Return the result of ``make``, from the cache if it was computed from the same inputs."""
     refuse_missing(robot)
     folder = cache_folder()
-    name = None if folder is None else _digest(robot, request)
-    if folder is None or name is None:
+    if folder is None or (name := _digest(robot, request)) is None:
         return make()
     with contextlib.suppress(InvalidInputError, OSError):
         found, _ = read_pickled(folder / name, KIND)

@@ -18,7 +18,7 @@ from wbc.validate import Array
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
-DIRECTIONS = 128  # a hull has the farthest vertex in each
+DIRECTIONS = 128  # a hull has the farthest vertex in each, and along the axes
 FIRST_DIRECTIONS = 8  # with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
 COAL_ACCURACY = 1e-6  # m, of Coal's distances
@@ -26,9 +26,7 @@ THINNEST = 1e-4  # m: flat points get a box of this thickness
 CHUNK = 1024  # points processed together: 2 MB of memory
 STEPS, ACCURACY = 600, (1e-5, 1e-12)  # of the search for a capsule; [m], [m^3]
 _SAMPLES = 400
-_hull_cache: dict[
-    int, tuple[weakref.ref[Array], Array]
-] = {}  # corners of hulls, by id of the points
+_hull_cache = dict[int, tuple[weakref.ref[Array], Array]]()  # hulls' corners, by id of the points
 VERSION = 3  # of the fits: change it, and everything is fitted again
 
 
@@ -67,7 +65,7 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
 
 
 def fit_hull(points: Array, pad: float = 0.0) -> Fit:
-    """Return a rounded hull of at most 128 corners that holds ``points`` (k, 3) and ``pad`` [m].
+    """Return a rounded hull of at most 134 corners that holds ``points`` (k, 3) and ``pad`` [m].
 
     Its corners are the farthest points in many directions; its radius covers the others.
     """

@@ -65,8 +65,7 @@ class CollisionModel:
         self.pairs: Index = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         names = [body.name for body in self.bodies]
         self.labels = tuple(f"{names[a]} vs {names[b]}" for a, b in self.pairs)
-        joints = np.array([body.joint for body in self.bodies], dtype=np.int64)
-        self._joints = joints
+        self._joints = joints = np.array([body.joint for body in self.bodies], dtype=np.int64)
         self._every: Index = np.arange(len(self.pairs))
         self._every.flags.writeable = False
         first, second = self.pairs.T
@@ -83,13 +82,12 @@ class CollisionModel:
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._overlapping = ShapePairs(self.bodies, self.pairs)
         self._many_touch = 0
-        parents = [0, *map(int, list(robot.model.parents)[1:])]
+        parents = robot.native.tree.arrays["parent"].tolist()
         self.native = NativePairs(self.bodies, self.pairs, parents)
 
     def __repr__(self) -> str:
-        return (
-            f"CollisionModel({self.robot.name}, bodies={len(self.bodies)}, pairs={len(self.pairs)})"
-        )
+        counts = f"bodies={len(self.bodies)}, pairs={len(self.pairs)}"
+        return f"CollisionModel({self.robot.name}, {counts})"
 
     @cached_property
     def raw(self) -> RawPairs:

@@ -28,7 +28,7 @@ UNIT_TOLERANCE = 1e-2  # of cos^2 + sin^2, which files round
 class Semantics:
     """The content of one SRDF."""
 
-    states: dict[str, State]  # configurations by name; groups' states of one name are one
+    states: Mapping[str, State]  # configurations by name; groups' states of one name are one
     disabled: frozenset[frozenset[str]]  # pairs of links that are not checked for collisions
     passive: tuple[str, ...]  # joints without motors
     overwritten: tuple[str, ...]  # contradictions between groups, in words
@@ -91,7 +91,7 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     )
     passive = tuple(joint.get("name", "?") for joint in root.findall("passive_joint"))
     disabled = frozenset(_disabled(root, path, model))
-    return Semantics(dict(states), disabled, passive, overwritten, _unread(root))
+    return Semantics(states, disabled, passive, overwritten, _unread(root))
 
 
 def _unread(root: ET.Element) -> tuple[str, ...]:
