@@ -42,13 +42,13 @@ def set_drives(
     for what, given, files in (
         ("armature", armature, (model.armature,)),
         ("damping", damping, (model.damping,)),
-        ("friction", friction, (model.lowerDryFrictionLimit, model.upperDryFrictionLimit)),
-        ("effort", effort, (model.lowerEffortLimit, model.upperEffortLimit)),
+        ("friction", friction, (model.upperDryFrictionLimit, model.lowerDryFrictionLimit)),
+        ("effort", effort, (model.upperEffortLimit, model.lowerEffortLimit)),
     ):
         if given is None:
             continue
         for k, value in _by_joint(what, given, names).items():
-            for sign, file in zip((1.0,) if len(files) == 1 else (-1.0, 1.0), files, strict=True):
+            for sign, file in zip((1.0, -1.0), files, strict=False):
                 file[rates[k]] = sign * value
 
 

@@ -172,12 +172,9 @@ def _notes_below_soles(
         return ()
     soles = {int(model.frames[model.getFrameId(foot.frame)].parentJoint) for foot in feet.values()}
     parents = [int(parent) for parent in model.parents]
+    beside = {parents[sole] for sole in soles} - {0, 1}
     near = {joint for joint, parent in enumerate(parents) if parent in soles and joint > 1}
-    near |= {
-        joint
-        for joint, parent in enumerate(parents)
-        if any(parent == parents[sole] for sole in soles) and parent > 1 and joint not in soles
-    }
+    near |= {joint for joint, parent in enumerate(parents) if parent in beside} - soles
     data = model.createData()
     high = LOW_JOINTS * float(pin.centerOfMass(model, data, q)[2])
     # A hexapod's feet are fixed to its shanks.

@@ -117,10 +117,8 @@ def read_shapes(
         if body not in mine:
             continue
         if kind is None:
-            unknown.append(
-                f"{types(int(model.geom_type[geom])).name[7:].lower()} of body"
-                f" {names.bodies[body]!r}"
-            )
+            what = types(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+            unknown.append(f"{what} of body {names.bodies[body]!r}")
             continue
         mesh = int(model.geom_dataid[geom]) if kind in ("mesh", "sdf") else -1
         place = used.setdefault(mesh, len(used)) if mesh >= 0 else -1

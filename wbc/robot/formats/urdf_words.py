@@ -8,49 +8,37 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from difflib import get_close_matches
-from typing import NamedTuple
 
 from wbc.robot.notes import noted
 
-
-class _Allowed(NamedTuple):
-    """Allowed content of an element."""
-
-    attributes: frozenset[str]
-    children: frozenset[str]
-
-
-def _allowed(attributes: str, children: str = "") -> _Allowed:
-    return _Allowed(frozenset(attributes.split()), frozenset(children.split()))
-
-
 # Elements for other programs, not checked. ``name`` is allowed everywhere.
 OTHER_PROGRAMS = {"transmission", "gazebo", "sensor", "mujoco", "ros2_control", "material"}
+# Attributes and children of elements.
 KNOWN = {
-    "robot": _allowed("version", "link joint loop_joint"),
-    "link": _allowed("", "inertial collision visual"),
-    "joint": _allowed(
+    "robot": ("version", "link joint loop_joint"),
+    "link": ("", "inertial collision visual"),
+    "joint": (
         "type dont_collapse",  # of Isaac's importer, which leaves such joints in
         "parent child origin axis limit mimic dynamics safety_controller calibration",
     ),
-    "inertial": _allowed("", "origin mass inertia"),
-    "collision": _allowed("", "origin geometry verbose"),
-    "visual": _allowed("", "origin geometry"),
-    "geometry": _allowed("", "box sphere cylinder capsule mesh"),
-    "box": _allowed("size"),
-    "sphere": _allowed("radius"),
-    "cylinder": _allowed("radius length"),
-    "capsule": _allowed("radius length"),
-    "mesh": _allowed("filename scale"),
-    "origin": _allowed("xyz rpy quat_xyzw"),
-    "mass": _allowed("value"),
-    "inertia": _allowed("ixx ixy ixz iyy iyz izz"),
-    "parent": _allowed("link"),
-    "child": _allowed("link"),
-    "axis": _allowed("xyz"),
-    "limit": _allowed("lower upper effort velocity"),
-    "mimic": _allowed("joint multiplier offset"),
-    "dynamics": _allowed("damping friction"),
+    "inertial": ("", "origin mass inertia"),
+    "collision": ("", "origin geometry verbose"),
+    "visual": ("", "origin geometry"),
+    "geometry": ("", "box sphere cylinder capsule mesh"),
+    "box": ("size", ""),
+    "sphere": ("radius", ""),
+    "cylinder": ("radius length", ""),
+    "capsule": ("radius length", ""),
+    "mesh": ("filename scale", ""),
+    "origin": ("xyz rpy quat_xyzw", ""),
+    "mass": ("value", ""),
+    "inertia": ("ixx ixy ixz iyy iyz izz", ""),
+    "parent": ("link", ""),
+    "child": ("link", ""),
+    "axis": ("xyz", ""),
+    "limit": ("lower upper effort velocity", ""),
+    "mimic": ("joint multiplier offset", ""),
+    "dynamics": ("damping friction", ""),
 }
 # Physics in elements for other programs (Drake, Gazebo), which moves the robot.
 ROTORS = "rotors' inertia (armature=... takes it, times the gear ratio squared)"
@@ -95,26 +83,26 @@ def unread_physics(root: ET.Element) -> tuple[str, ...]:
 
 def _unknown_in(element: ET.Element, owner: str) -> Iterator[tuple[str, str, str]]:
     """Yield unknown words in an element, each with a suggestion and its owner."""
-    known = KNOWN[element.tag]
+    attributes, children = (words.split() for words in KNOWN[element.tag])
     for key in element.attrib:
-        if not _is_foreign(key) and key not in known.attributes | {"name"}:
-            yield f"{key!r} in <{element.tag}>", _hint(key, known.attributes), owner
+        if not _is_foreign(key) and key not in (*attributes, "name"):
+            yield f"{key!r} in <{element.tag}>", _hint(key, attributes), owner
     for child in element:
         tag = str(child.tag)
-        if tag in known.children:
+        if tag in children:
             below = f"{tag} {child.get('name')!r}" if tag in ("link", "joint") else owner
             if tag in KNOWN:
                 yield from _unknown_in(child, below)
         elif not (_is_foreign(tag) or tag in OTHER_PROGRAMS or element.tag == "geometry"):
             within = "" if element.tag in ("robot", "link", "joint") else f" in <{element.tag}>"
-            yield f"<{tag}>{within}", _hint(tag, known.children), owner
+            yield f"<{tag}>{within}", _hint(tag, children), owner
 
 
 def _is_foreign(word: str) -> bool:
     return "}" in word or ":" in word or not word.isidentifier()
 
 
-def _hint(word: str, known: frozenset[str]) -> str:
+def _hint(word: str, known: list[str]) -> str:
     """Return a suggestion; empty if no word is similar."""
     near = get_close_matches(word.lower(), sorted(known), n=1, cutoff=SIMILARITY)
     return f" (is {near[0]!r} meant?)" if near else ""
