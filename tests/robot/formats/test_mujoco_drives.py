@@ -137,7 +137,7 @@ def test_what_a_free_joint_inherits_is_said_and_left_out() -> None:
     free = TRUNK.replace("<freejoint/>", '<joint type="free"/>')
     head = '<default><joint armature=".1" damping="1" frictionloss=".2"/></default>'
     robot, _ = load(text(arm(), root=free, head=head))
-    said = [note for note in robot.notes if "free joint" in note]
+    said = [note for note in robot.notes if "floating base" in note]
     assert len(said) == 3 and robot.armature[0] == 0.1
     assert robot.snapshot(robot.postures["neutral"]).mass_matrix[0, 0] == pytest.approx(6.0)
 
@@ -183,4 +183,19 @@ def test_what_acts_on_the_free_joint_itself_is_told() -> None:
     assert model.nu == 1
     assert model.jnt_stiffness[0] == 5.0
     assert any(note.endswith("free joints) are not read: jet") for note in robot.notes)
-    assert "the file gives the free joint a spring, which is not used" in robot.notes
+    assert "the file gives the floating base a spring, which is not used" in robot.notes
+
+
+def test_what_acts_on_joints_that_are_the_floating_base_is_told() -> None:
+    kinds = [(kind, axis) for kind in ("slide", "hinge") for axis in ("1 0 0", "0 1 0", "0 0 1")]
+    six = "".join(f'<joint name="b{k}" type="{a}" axis="{b}"/>' for k, (a, b) in enumerate(kinds))
+    plain, _ = load(text(arm(), root=TRUNK.replace("<freejoint/>", six)))
+    assert not any("not used" in note or "do not act" in note for note in plain.notes)
+    six = six.replace(
+        "<joint ", '<joint armature="1" damping="2" frictionloss="3" stiffness="4" range="-1 1" '
+    )
+    tail = '<equality><joint name="held" joint1="b3"/></equality>'
+    robot, _ = load(text(arm(), root=TRUNK.replace("<freejoint/>", six), tail=tail))
+    for what in ("rotor inertia", "damping", "dry friction", "a spring", "a range"):
+        assert f"the file gives the floating base {what}, which is not used" in robot.notes
+    assert "equality constraints with what is left out do not act: held" in robot.notes

@@ -15,7 +15,6 @@ from wbc.robot.formats.mujoco_part import (
     actuators_of,
     motors_on_joints,
 )
-from wbc.robot.limits import BASE_NV
 from wbc.robot.notes import noted
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
@@ -204,19 +203,19 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
         " (actuatorfrcrange): {}; where controls are parts of a torque, give effort={joint: N m}",
         weak,
     )
-    if part.floats:
-        start = int(model.jnt_dofadr[part.root_joint])
-        base = slice(start, start + BASE_NV)
-        notes += tuple(
-            f"the file gives the free joint {what}, which is not used"
-            for what, given in (
-                ("rotor inertia", model.dof_armature[base]),
-                ("damping", model.dof_damping[base]),
-                ("dry friction", model.dof_frictionloss[base]),
-                ("a spring", model.jnt_stiffness[part.root_joint]),
-            )
-            if np.any(given)
+    base = [*part.floating_joints, *([part.root_joint] if part.floats else [])]
+    rates = np.isin(model.dof_jntid, base)
+    notes += tuple(
+        f"the file gives the floating base {what}, which is not used"
+        for what, given in (
+            ("rotor inertia", model.dof_armature[rates]),
+            ("damping", model.dof_damping[rates]),
+            ("dry friction", model.dof_frictionloss[rates]),
+            ("a spring", model.jnt_stiffness[base]),
+            ("a range", model.jnt_limited[base]),
         )
+        if np.any(given)
+    )
     told = "tendons are not read (their springs, dampers and limits): {}"
     notes += noted(told, names.tendons)
     if model.opt.density or model.opt.viscosity:

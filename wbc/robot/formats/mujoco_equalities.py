@@ -61,11 +61,13 @@ def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
 
 
 def _outside_constraints(part: RobotPart) -> list[str]:
-    """Return the active constraints between the robot and other bodies, in words."""
-    found = []
+    """Return the active constraints with other bodies or joints of a floating base, in words."""
+    found, model = [], part.model
     for number in _active(part):
         bodies = _bodies_of(part, number) - {0}
-        if bodies & {*part.bodies} and bodies - {*part.bodies}:
+        joints = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
+        floats = joints & {*part.floating_joints} and _kind(part, number).name == "mjEQ_JOINT"
+        if floats or (bodies & {*part.bodies} and bodies - {*part.bodies}):
             ends = [part.names.bodies[body] for body in sorted(bodies)]
             found.append(part.names.equalities[number] or " to ".join(ends))
     return found
