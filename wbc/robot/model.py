@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, listed, shown
+from wbc.files import beside
 from wbc.kinds import check_path, check_word, switch
 from wbc.notebook import as_html, with_picture
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
@@ -190,7 +191,7 @@ class Robot(KinematicTree):
         _set_drives(model, found.known, armature, damping, friction, effort)
         check_joint_inertia(model, found.path)
         limits = JointLimits.of(model)
-        states_file = found.srdf if srdf is None else Path(srdf)
+        states_file = found.srdf if srdf is None else beside(Path.cwd(), srdf)  # read later, too
         said = read_srdf(states_file, description.model) if states_file else None
         own, renamed = rename_neutral(description.states)
         description = replace(description, states=own)
@@ -413,7 +414,7 @@ def _read(
     for folder in (given := tuple(package_dirs)):
         check_path("package_dirs", folder)
     known, held = found.known, {} if locked is None else by_name("locked", locked)
-    folders = (*map(Path, given), *found.package_dirs)
+    folders = (*(beside(Path(), folder) for folder in given), *found.package_dirs)
     description = read_description(found.path, folders, found.given)
     rigid = {**(known.locked if known else {}), **held}
     model, couplings = lock_joints(description, rigid)

@@ -151,3 +151,29 @@ def test_rotors_are_told(tmp_path: Path) -> None:
         n for n in load(tmp_path, f"<rotor_params>{rotor}</rotor_params>").notes if "rotor" in n
     )
     assert note.startswith("SRDF, not read: rotors' inertia") and note.endswith("of j1")
+
+
+def test_files_may_be_in_a_home_and_are_found_from_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pairs of links are read when margins are made, wherever the program is by then."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    load(tmp_path, state("home", "arm", j1=0.5))
+    robot = Robot.load("~/r.urdf", srdf="~/r.srdf", base="fixed")
+    assert robot.posture("home", on_ground=False)[7] == 0.5
+    monkeypatch.chdir(tmp_path)
+    robot = Robot.load("r.urdf", srdf="r.srdf", base="fixed")
+    monkeypatch.chdir("/")
+    assert robot.srdf is not None and robot.srdf.samefile(tmp_path / "r.srdf")
+
+
+def test_folders_of_packages_may_be_in_a_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "away" / "mine").mkdir(parents=True)
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "away" / "mine" / "m.obj").write_text(corners)
+    mesh = urdf.collision('mesh filename="package://mine/m.obj"')
+    robot = Robot.load(urdf.robot("r", urdf.link("base", mesh)), package_dirs=["~/away"])
+    assert robot.collision_model.ngeoms == 1
