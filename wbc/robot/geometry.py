@@ -86,8 +86,10 @@ _NOTHING = Triangles(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
 
 
 def triangulated(shape: object) -> Triangles:
-    """Return the surface of a ``coal`` shape in its own frame; empty if it has none."""
+    """Return the surface of a ``coal`` shape, or triangles, in its own frame; empty if none."""
     match shape:
+        case Triangles():
+            return shape
         case coal.Box():
             return box(np.asarray(shape.halfSide))
         case coal.Sphere():

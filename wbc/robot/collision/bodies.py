@@ -13,10 +13,8 @@ from wbc.errors import ModelError, listed
 from wbc.kinds import one_of
 from wbc.robot.collision.fitting import Fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
-from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import VERTICES_AROUND, triangulated
 from wbc.robot.model import Robot
-from wbc.validate import Array
 
 FITS = ("capsule", "hull")
 _RIM = 16  # corners of the prism that stands for a cylinder
@@ -56,6 +54,7 @@ class NamedSurface(NamedTuple):
     name: str  # of the body, as :func:`robot_bodies` has it
     link: str
     joint: int
+    described: str  # its name in the description
     placement: pin.SE3  # in the joint's frame
     geometry: object  # coal's, or triangles
 
@@ -72,10 +71,7 @@ def named_surfaces(robot: Robot) -> list[NamedSurface]:
     shapes, meshes = robot.collision_surfaces
     return [
         NamedSurface(
-            name,
-            link,
-            int(shape.parentJoint),
-            shape.placement,
+            *(name, link, int(shape.parentJoint), str(shape.name), shape.placement),
             meshes.get(str(shape.name), shape.geometry),
         )
         for name, link, shape in _as_named(robot, shapes)
@@ -127,29 +123,14 @@ def simple_shape(geometry: object, fit: str, where: str) -> Fit:
             return _prism(float(geometry.radius), float(geometry.halfLength))
         case coal.Halfspace() | coal.Plane():
             raise ModelError(f"{where}: a plane moves with the link; give it a shape that ends")
-    vertices = _vertices(geometry)
+    vertices = triangulated(geometry).vertices
     if not len(vertices):
         raise ModelError(f"{where}: {type(geometry).__name__} is no shape we know; use a mesh")
-    smooth = isinstance(geometry, coal.Ellipsoid | coal.Cone | coal.Cylinder)  # one that is flat
-    pad = _sag(vertices) if smooth else 0.0
+    pad = 0.0
+    if isinstance(geometry, coal.Ellipsoid | coal.Cone | coal.Cylinder):  # this one is flat
+        # How far the surface may be outside the triangles.
+        pad = 2.0 * float(np.abs(vertices).max()) * (1.0 - np.cos(np.pi / VERTICES_AROUND))
     return (fit_capsule if fit == "capsule" else fit_hull)(vertices, pad)
-
-
-def _vertices(geometry: object) -> Array:
-    match geometry:
-        case Triangles():
-            return geometry.vertices
-        case coal.BVHModelBase():
-            return np.array(geometry.vertices())
-        case coal.ConvexBase():
-            return np.array(geometry.points())
-    return triangulated(geometry).vertices
-
-
-def _sag(vertices: Array) -> float:
-    """Return how far a smooth surface may be outside the triangles that approximate it [m]."""
-    half_step = np.pi / VERTICES_AROUND
-    return 2.0 * float(np.abs(vertices).max()) * (1.0 - np.cos(half_step))
 
 
 def _round_cylinder(radius: float, half: float) -> Fit:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.robot.collision.bodies import named_shapes
+from wbc.robot.collision.bodies import named_surfaces
 from wbc.robot.collision.model import CollisionModel
 from wbc.robot.collision.refine import FinerPair, FinerShapes, Pair
 from wbc.robot.collision.shapes import Body
@@ -87,8 +87,8 @@ def select_pairs(
     if robot.srdf is not None:
         disabled = read_srdf(robot.srdf, robot.model).disabled
     parents, rules = robot.model.parents, robot.geometry.rules
-    described = named_shapes(robot) if rules.watched else []  # as the description calls them
-    shape_of = {name: str(shape.name) for name, _, shape in described}
+    surfaces = named_surfaces(robot) if rules.watched else []
+    shape_of = {one.name: one.described for one in surfaces}
     reasons: dict[Pair, str] = {}
     pairs = [
         (a, b)

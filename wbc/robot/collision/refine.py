@@ -94,9 +94,7 @@ class _RawShape:
     @cached_property
     def surface(self) -> _Surface | None:
         """Its triangles; None for round shapes."""
-        if isinstance(self.geometry, Triangles):
-            return _Surface(*self.geometry)
-        is_mesh = isinstance(self.geometry, coal.BVHModelBase)
+        is_mesh = isinstance(self.geometry, Triangles | coal.BVHModelBase)
         return _Surface(*triangulated(self.geometry)) if is_mesh else None
 
     def fit(self, tolerance: float) -> _Part:
