@@ -74,7 +74,7 @@ def confirm(
     ----------
     masses:
         What each moving joint in the file carries up to the next ones [kg], by its name, ``""`` for
-        the root; NaN where the file does not give it as a number.
+        the root.
     joints:
         Names of the moving joints in the file.
 
@@ -87,11 +87,11 @@ def confirm(
         raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
     total = math.fsum(masses.values())
     read = float(pin.computeTotalMass(model))
-    if abs(read - total) > 1e-9 * abs(total):  # NaN is not
+    if not abs(read - total) <= 1e-9 * total:
         raise ModelError(f"{path}: the masses sum to {total:g} kg, but {read:g} kg were read")
     for name, mass in masses.items():
         carried = float(model.inertias[model.getJointId(name) if name else 1].mass)
-        if abs(carried - mass) > 1e-9 * abs(mass):
+        if not abs(carried - mass) <= 1e-9 * mass:
             what = f"joint {name!r} carries" if name else "the root weighs"
             raise ModelError(f"{path}: {what} {mass:g} kg, but {carried:g} kg were read")
 
