@@ -263,6 +263,14 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         urdf('<limit lower="-2" upper="2" effort="1" velocity="1"/>'),
         read("given twice, of which the first counts: <limit> of joint 'j'"),
     ),
+    "two places of a mass": (
+        urdf().replace('<mass value="1"/>', '<origin xyz="0 0 1"/><mass value="1"/>'),
+        read("the first counts: <origin> of link 'base', <origin> of link 'a'"),
+    ),
+    "a prefix that is nowhere declared": (
+        urdf(link="<sensor:camera/>").replace('<robot name="two">', "<robot>"),
+        read("the file gives the robot no name"),
+    ),
     "two shapes in one": (
         urdf(link=SPHERE.format('<box size="1 1 1"/>')),
         shapes(1, "the first counts: <box> as collision of link 'a'"),

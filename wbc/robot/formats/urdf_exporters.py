@@ -20,6 +20,7 @@ MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x
 GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
 VERSIONS = ("1.0", "1.1", "1.2")
 UNIQUE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
+PARTS = ("inertial", "collision", "visual")  # of a link
 DYNAMICS = {"damping", "friction"}
 LEAST_TURN = 6.0  # rad: ranges of -3.14 to 3.14 say that a joint is continuous
 UNREAD = ("safety_controller", "calibration")  # not used here
@@ -86,13 +87,13 @@ def drop_repeated(root: ET.Element) -> tuple[str, ...]:
             found += [f"<{tag}> of {what}" for _ in _drop(joint, joint.findall(tag)[1:])]
     for link in root.findall("link"):
         what = f"link {link.get('name')!r}"
-        for shape in (*link.findall("collision"), *link.findall("visual")):
+        for part in (one for tag in PARTS for one in link.findall(tag)):
             for tag in ("origin", "geometry"):
-                found += [f"<{tag}> of {what}" for _ in _drop(shape, shape.findall(tag)[1:])]
-            for geometry in shape.findall("geometry")[:1]:
+                found += [f"<{tag}> of {what}" for _ in _drop(part, part.findall(tag)[1:])]
+            for geometry in part.findall("geometry")[:1]:
                 more = [one for one in list(geometry)[1:] if not str(one.tag).startswith("{")]
                 _drop(geometry, more)
-                found += [f"<{one.tag}> as {shape.tag} of {what}" for one in more]
+                found += [f"<{one.tag}> as {part.tag} of {what}" for one in more]
     return noted("given twice, of which the first counts: {}", found)
 
 

@@ -78,7 +78,7 @@ def _with_prefixes(data: bytes) -> bytes:
     if len(used) > MOST_ATTRIBUTES:
         return data
     spaces = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in sorted(used))
-    return re.sub(rb"<robot(?=\s)", b"<robot" + spaces, data, count=1)
+    return re.sub(rb"<robot(?=[\s>])", b"<robot" + spaces, data, count=1)
 
 
 def _remedy(data: bytes, error: ET.ParseError) -> str:
