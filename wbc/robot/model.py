@@ -24,7 +24,7 @@ from wbc.robot.formats.couplings import Coupling, Loop
 from wbc.robot.formats.description import Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.formats.triangles import Surfaces, with_meshes
-from wbc.robot.library import NamedRobot, RobotSource, find_robot
+from wbc.robot.library import RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
 from wbc.robot.model_checks import check_joint_inertia, check_supported
@@ -188,7 +188,10 @@ class Robot(KinematicTree):
             check_path("robot, srdf", srdf)
         found = find_robot(source)
         description, model, couplings, notes = _read(found, locked, package_dirs)
-        _set_drives(model, found.known, armature, damping, friction, effort)
+        rotors = dict(found.known.armature) if found.known else {}
+        rotors = {key: by for key, by in rotors.items() if matches(key, tuple(model.names))}
+        set_drives(model, armature=rotors)  # of what is not locked
+        set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
         check_joint_inertia(model, found.path)
         limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else beside(Path.cwd(), srdf)  # read later, too
@@ -427,16 +430,6 @@ def _read(
     notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
     notes += noted("locked, though they follow joints that still move: {}", loose)
     return description, model, couplings, (known.notes if known else ()) + notes
-
-
-def _set_drives(model: pin.Model, known: NamedRobot | None, *given: JointValues | None) -> None:
-    """Set armature, damping, friction and effort; a named robot's rotors first."""
-    if known is not None:
-        names = tuple(model.names)
-        rotors = {k: v for k, v in known.armature.items() if matches(k, names)}
-        set_drives(model, armature=rotors)
-    armature, damping, friction, effort = given
-    set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
 
 
 def check_robot(what: str, robot: object) -> None:

@@ -82,9 +82,8 @@ class KinematicTree:
     passive: PassiveForces
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "couplings", MappingProxyType(dict(self.couplings)))
-        object.__setattr__(self, "loops", MappingProxyType(dict(self.loops)))
-        object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))
+        for name in ("couplings", "loops", "feet"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, nv={self.nv}, mass={self.mass:.2f} kg)"

@@ -270,8 +270,7 @@ def _moving_velocities(robot: Robot) -> Array:
     model = robot.model
     moves = np.zeros((model.njoints, model.nv))
     for joint in range(1, model.njoints):
-        for above in model.supports[joint]:
-            if above > 0:
-                start = model.idx_vs[above]
-                moves[joint, start : start + model.nvs[above]] = 1.0
+        for above in list(model.supports[joint])[1:]:
+            start = model.idx_vs[above]
+            moves[joint, start : start + model.nvs[above]] = 1.0
     return read_only(moves)
