@@ -121,17 +121,25 @@ def quick_capsule(points: Array) -> Capsule:
     return Capsule(ends.copy(), float(_to_segment(points, ends).max()) + ROUNDING)
 
 
-def convex(vertices: Array) -> coal.Convex:
+def convex(vertices: Array) -> coal.CollisionGeometry:
     """Return coal's polytope with these corners (k, 3), not all in one plane."""
     return _polytope(vertices, _hull_of(vertices))
 
 
-def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
+def _polytope(vertices: Array, hull: ConvexHull) -> coal.CollisionGeometry:
+    """Return coal's polytope; the mesh round it, from outside the same, if coal refuses that.
+
+    A corner has 255 neighbours at most there, and Qhull cuts a round face into a fan.
+    """
     mesh = coal.BVHModelOBBRSS()  # takes whole arrays, unlike polytopes
     mesh.beginModel(len(hull.simplices), len(vertices))
     mesh.addVertices(np.ascontiguousarray(vertices))
     mesh.addTriangles(hull.simplices.astype(np.int64))
-    mesh.buildConvexRepresentation(False)
+    try:
+        mesh.buildConvexRepresentation(False)
+    except RuntimeError:
+        mesh.endModel()
+        return mesh
     return mesh.convex
 
 
