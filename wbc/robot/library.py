@@ -7,7 +7,6 @@ too: see :mod:`wbc.robot.packages`.
 
 from __future__ import annotations
 
-import importlib
 import importlib.metadata
 import os
 import sys

@@ -5,7 +5,6 @@ Both download a robot's files when it is first loaded.
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from pathlib import Path
 from typing import Any

@@ -229,13 +229,10 @@ def _disabled_notes(part: RobotPart) -> tuple[str, ...]:
     disabled = int(model.opt.disableflags)
     no_limits = int(bits.mjDSBL_LIMIT) | int(bits.mjDSBL_CONSTRAINT)
     limited = any(model.jnt_limited[joint] for joint in part.joints)
+    bounded = any(model.actuator_ctrllimited)
     told = (
         (bits.mjDSBL_ACTUATION, model.nu, "all motors off; here they act"),
-        (
-            bits.mjDSBL_CLAMPCTRL,
-            any(model.actuator_ctrllimited),
-            "limits of controls off; here they bound efforts",
-        ),
+        (bits.mjDSBL_CLAMPCTRL, bounded, "limits of controls off; here they bound efforts"),
         (no_limits, limited, "limits of joints off; here its ranges are kept"),
     )
     return tuple(
