@@ -297,9 +297,9 @@ def bent_backwards(snapshot: Snapshot) -> bool:
         axes = {joint: angular[:, robot.model.idx_vs[joint]] for joint in joints}
         axis = axes[knee]
         parallel = [joint for joint in joints if abs(axes[joint] @ axis) > PARALLEL]
-        place = parallel.index(knee)
-        if not 0 < place < len(parallel) - 1:
+        if knee not in parallel[1:-1]:  # one that slides has no axis
             continue
+        place = parallel.index(knee)
         thigh, shank = np.diff(origins[parallel[place - 1 : place + 2]], axis=0)
         along = (thigh @ axis) * (shank @ axis)
         bend = math.atan2(axis @ np.cross(thigh, shank), thigh @ shank - along)
