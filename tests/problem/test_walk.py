@@ -26,6 +26,12 @@ simulation: {duration: 1.2}
 """
 
 
+SPIN = {
+    "type": "com", "axes": ["x", "y"], "target": "start",
+    "law": {"type": "capture_point", "gain": 3, "spin": 20},
+}  # fmt: skip
+
+
 def problem(folder: Path, text: str = WALK, overrides: dict[str, Any] | None = None) -> Problem:
     return problem_of(folder, text, overrides)
 
@@ -94,6 +100,27 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("target", "angles"),
+    [
+        ({"target": {"left_elbow_pitch": -1.3}, "ramp": 0.5}, (0.0, -0.5, -1.0)),
+        ({"target": {"loop": {"left_elbow_pitch": [0.2, 0.0]}, "period": 0.5}}, (0.0, -0.4, 0.0)),
+    ],
+)
+def test_targets_of_other_tasks_move_as_they_say(
+    tmp_path: Path, target: Any, angles: tuple[float, ...]
+) -> None:
+    """They were at their ends from the first tick on, and loops were not gone round."""
+    arms = {"type": "posture", "weight": 0.5, "joints": {"*elbow*": 1}, **target}
+    one = problem(tmp_path, overrides={"tasks": {"arms": arms}})
+    supervisor, elbow = one.supervisor_on_robot(), one.parts.robot.joint_index("left_elbow_pitch")
+    (task,) = (task for task in supervisor.tasks if task.name == "arms")
+    for tick, angle in zip((0, 125, 300), angles, strict=True):
+        supervisor.update(tick, one.parts.at_start)
+        change = task.target[elbow + 1] - one.parts.start[elbow + 1]
+        assert change == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize(
     ("overrides", "said"),
     [
         ({"gait.single": 0}, "gait.single: must be greater than 0, got 0"),
@@ -107,6 +134,7 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
         ({"gait.weights": {"trunk": 0}}, "walking weights, trunk: must be greater than 0"),
         ({"support": "left"}, "support: 'left' does not exist"),
         ({"robot": {"model": "hoap2_like", "feet": {}}}, "gait: biped: two feet are expected"),
+        ({"tasks": {"com": SPIN}}, "tasks.com.law.spin: is for a robot that stands"),
     ],
 )  # fmt: skip
 def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:

@@ -43,7 +43,7 @@ class ScheduledWalk:
     forces:
         On the soles; None, or an empty result: feet land at the planned time.
     move_world:
-        Called before each tick with the time [s], for instance to move obstacles.
+        Called before each tick with the time [s], to move obstacles and targets.
 
     Raises
     ------
@@ -113,7 +113,7 @@ class ScheduledWalk:
         self.walker.command(0.0)
 
     def move_to(self, time: float) -> None:
-        """Set obstacles to where they are at ``time`` [s]."""
+        """Set obstacles and moving targets to where they are at ``time`` [s]."""
         if self._move_world is not None:
             self._move_world(time)
 

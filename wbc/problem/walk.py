@@ -227,4 +227,11 @@ def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> Sched
         given = [one.footstep for one in spec.gait.footsteps]
         ground = spec.ground_height if spec.gait.see else None
         walker.follow(given, parts.at_start, relative=spec.gait.relative, ground=ground)
-    return ScheduledWalk(walker, commands, forces, parts.surroundings.move_to)
+    moving = [target for one in parts.targeted if (target := one.moving(parts.at_start))]
+
+    def move_to(time: float) -> None:
+        parts.surroundings.move_to(time)
+        for target in moving:
+            target.move_to(time)
+
+    return ScheduledWalk(walker, commands, forces, move_to)
