@@ -145,10 +145,10 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
     if isinstance(spec, WalkSpec):
         duration = spec.whole_stop.duration
         spec.gait.check(start, parts.limits, duration, spec.ground_height, mistakes)
-        for one in parts.targeted:
-            if one.attendant is not None:
+        for targeted in parts.targeted:
+            if targeted.attendant is not None:
                 text = "is for a robot that stands: a walk leads the capture point; leave it out"
-                mistakes.note(("tasks", one.task.name, "law", "spin"), text)
+                mistakes.note(("tasks", targeted.task.name, "law", "spin"), text)
         mistakes.require(("gait",), partial(walker_of, spec, parts))
         return
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
