@@ -99,6 +99,14 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
     assert "arms" in {task.name for task in walker_in(problem(tmp_path, text)).lasting_tasks}
 
 
+def test_constraints_give_way_as_they_say(tmp_path: Path) -> None:
+    """They were hard in a walk, whatever their slack."""
+    bodies = {"type": "self_collision", "slack": 100.0}
+    walker = walker_in(problem(tmp_path, overrides={"constraints": {"bodies": bodies}}))
+    assert not walker.controller.slacks.is_hard("bodies")
+    assert walker.controller.slacks.is_hard("left_sole")
+
+
 @pytest.mark.parametrize(
     ("target", "angles"),
     [

@@ -58,7 +58,7 @@ class Parts:
 
         CoM supports are made of the contacts at ``snapshot``.
         """
-        kept = self._constraints_and_slack(contacts, snapshot)
+        kept = self.constraints_and_slack(contacts, snapshot)
         return spec.build(self.robot, tasks, contacts=contacts, limits=self.limits, **kept)
 
     def change(
@@ -70,10 +70,10 @@ class Parts:
     ) -> None:
         """Set a controller's tasks and contacts, and the constraints that belong to them."""
         controller.change(
-            tasks=tasks, contacts=contacts, **self._constraints_and_slack(contacts, snapshot)
+            tasks=tasks, contacts=contacts, **self.constraints_and_slack(contacts, snapshot)
         )
 
-    def _constraints_and_slack(
+    def constraints_and_slack(
         self, contacts: Sequence[Contact], snapshot: Snapshot
     ) -> dict[str, Any]:
         """Return constraints and slack weights of a controller, by parameter."""

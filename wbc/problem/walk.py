@@ -203,9 +203,9 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
         posture=parts.start,
         friction=friction_of(spec),
         tasks=[one.task for one in parts.targeted if spec.tasks[one.task.name].active],
-        constraints=parts.surroundings.constraints_at(start, parts.contacts),
         limits=parts.limits,
         solver=spec.controller.backend(),
+        **parts.constraints_and_slack(parts.contacts, start),
         **spec.controller.settings,
     )
 
