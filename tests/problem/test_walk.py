@@ -94,6 +94,13 @@ def test_soles_have_a_walkers_facets(
     assert (left.friction.coefficient, left.friction.facets) == (coefficient, facets)
 
 
+def test_what_a_file_says_of_the_controller_leaves_the_rest_a_walkers(tmp_path: Path) -> None:
+    """As the how-to writes it; the level had to be said, and the solver became another."""
+    walker = walker_in(problem(tmp_path, overrides={"controller": {"delay": 0.004}}))
+    assert walker.controller.delay == 0.004
+    assert type(walker.controller.backend) is type(Walker(walker.robot).controller.backend)
+
+
 def test_other_tasks_come_along(tmp_path: Path) -> None:
     text = WALK + "tasks:\n  arms: {type: posture, weight: 0.5, joints: {'*elbow*': 1}}\n"
     assert "arms" in {task.name for task in walker_in(problem(tmp_path, text)).lasting_tasks}
@@ -135,6 +142,7 @@ def test_targets_of_other_tasks_move_as_they_say(
         ({"gait.single": 1e-6}, "gait.single: 1e-06 s is shorter than a foot takes to bear"),
         ({"gait.height": 0.4}, "legs do not reach the ground"),
         ({"gait.ramp": 0.3}, "gait.ramp: 0.3 s is longer than the double support"),
+        ({"gait.relative": True}, "gait.relative: is about footsteps that are given"),
         ({"gait.commands": []}, "gait.commands: empty; it needs at least one entry"),
         ({"gait.commands": [{"at": 0.5}, {"at": 0.5}]}, "commands[1].at: comes after the one at"),
         ({"gait.commands": [{"at": 9}]}, "is given after the end of the simulation (1.2 s)"),

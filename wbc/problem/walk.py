@@ -19,7 +19,17 @@ from wbc.gait.walker import FRICTION
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
-from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Pair, Positive, Section
+from wbc.problem.section import (
+    KeysOf,
+    Name,
+    NonEmpty,
+    NonNegative,
+    Number,
+    Pair,
+    Positive,
+    Section,
+    default_of,
+)
 from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
 from wbc.problem.support import FrictionSpec, cone
@@ -131,8 +141,9 @@ class GaitSpec(Section):
             settings = GaitSettings.of(Legs.of(start.robot, limits), **self.settings)
             if not self.commands and not self.footsteps:
                 raise Misplaced("says not where to: give commands, or footsteps")
-            if self.see and not self.footsteps:
-                raise Misplaced("is about footsteps that are given, and none are", "see")
+            for key in ("see", "relative"):
+                if getattr(self, key) and not self.footsteps:
+                    raise Misplaced("is about footsteps that are given, and none are", key)
             able = StepRange.of(start.robot, settings, limits)
             self._check_footsteps(start, able, ground if self.see else None, mistakes)
         with mistakes.at("gait", "weights"):
@@ -157,6 +168,14 @@ class GaitSpec(Section):
             mistakes.note(("gait", "footsteps", number, key), text)
 
 
+class WalkControllerSpec(TorqueSpec):
+    """Inverse dynamics by one quadratic program per tick."""
+
+    level: Literal["torque"] = "torque"
+    solver: Name = default_of(Walker, "solver")
+    """The QP solver: active_set, proxqp, or any that qpsolvers finds installed."""
+
+
 class WalkSpec(ProblemSpec):
     """A walk: a robot, a gait with commands, and what else it should do and respect."""
 
@@ -168,7 +187,7 @@ class WalkSpec(ProblemSpec):
     """What the robot should do besides walking; targets are relative to the start, in the world."""
     phases: None = None
     """A walk has none: it is led by commands."""
-    controller: TorqueSpec = TorqueSpec(level="torque", solver="active_set")
+    controller: WalkControllerSpec = WalkControllerSpec()
     """How the tasks are turned into torques."""
 
 
