@@ -182,6 +182,10 @@ def test_mistakes_are_typed() -> None:
     kinematic = wbc.KinematicController(robot, [wbc.PostureTask(robot, start.q)], dt=DT)
     with pytest.raises(InvalidInputError, match="KinematicController commands no torques"):
         next(simulate(kinematic, plant, 1.0))
+    loaded = Plant(robot, dt=DT)
+    loaded.apply("torso", (0.0, 0.0, -20.0, 0.0, 0.0, 0.0))
+    with pytest.raises(InvalidInputError, match=r"Walker takes no known wrenches.* on torso"):
+        next(simulate(Walker(robot, dt=DT), loaded, 1.0))  # it sank by 3 cm, in silence
     with pytest.raises(InvalidInputError, match="same object"):
         next(simulate(standing(Robot.load("hoap2_like")), plant, 1.0))
     with pytest.raises(InvalidInputError, match="duration"):

@@ -82,8 +82,8 @@ def simulate(
     Raises
     ------
     InvalidInputError
-        A controller of another robot, one that gives no torques, or whose period is no multiple of
-        the physics' step.
+        A controller of another robot, one that gives no torques, that takes no wrenches where
+        there are known ones, or whose period is no multiple of the physics' step.
     SimulationError
         The physics blew up.
     ControllerFailure
@@ -133,6 +133,12 @@ def _torque_tick(
 ) -> TorqueTick:
     if isinstance(controller, TorqueController):
         return controller.step(snapshot, wrenches)
+    if wrenches:  # left out, whatever carries them sags
+        raise InvalidInputError(
+            f"simulate: a {type(controller).__name__} takes no known wrenches, and one acts on"
+            f" {', '.join(wrenches)}: plant.apply(..., told=False), or give a TorqueController, of"
+            " a walker walker.controller and update=lambda _, now: walker.prepare(now)"
+        )
     tick = controller.step(snapshot)
     if not isinstance(tick, TorqueTick):
         raise InvalidInputError(
