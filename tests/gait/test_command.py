@@ -116,6 +116,7 @@ BAD = {
     "too low": ({"height": 0.05}, r"give more than 0.09\d"),
     "too wide": ({"width": 3.0}, "width: feet 3 m from each other are out of reach of the legs"),
     "on each other": ({"width": 0.03}, "width: feet 0.03 m .* on one another; give at least 0.062"),
+    "pushed on each other": ({"least_width": 0.02}, "least_width: feet 0.02 m .* at least 0.062"),
     "above the hips": ({"clearance": 20.0}, r"clearance: feet 20 m .* give less than 0.\d+ m"),
     "too slow": ({"single": 100.0}, "single: 100 s and double: 0.02.* at most 8.3. s together"),
     "hasty": ({"ramp": 0.2}, "ramp: 0.2 s is longer than the double support"),

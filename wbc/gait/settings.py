@@ -115,11 +115,12 @@ class GaitSettings:
                 f"gait, width: feet {width:g} m from each other are out of reach of the legs; give"
                 f" at most {widest:.3g} m, or a lower height"
             )
-        if width < legs.sole_width:
-            raise InvalidInputError(
-                f"gait, width: feet {width:g} m from each other would stand on one another; give at"
-                f" least {legs.sole_width:.3g} m, the width of a sole"
-            )
+        for key in ("width", "least_width"):
+            if chosen.get(key, widest) < legs.sole_width:
+                raise InvalidInputError(
+                    f"gait, {key}: feet {chosen[key]:g} m from each other would stand on one"
+                    f" another; give at least {legs.sole_width:.3g} m, the width of a sole"
+                )
         finite_number("gait, gravity", legs.gravity, above=0.0)
         omega = math.sqrt(legs.gravity / height)
         chosen.setdefault("single", SINGLE / omega)
