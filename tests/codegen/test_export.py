@@ -190,12 +190,14 @@ PARTS = {
         "constraints: {bodies: {type: self_collision, exclude: [['*', '*']]}}": "watches no bodies",
         "constraints: {bodies: {type: self_collision}, over: {type: com_support}}": "'over'",
     },
+    "constraints: {bodies: {type: self_collision}}\ncontroller: {solver: active_set}": {
+        "controller: {method: pseudo_inverse}": "controller.method",  # which keeps no constraint
+    },
     "stop: {duration: 1.0}": {
         "limits: {braking: bounded}": "the braking 'bounded'",
         "phases: {one: {duration: 1, support: double}}": "phases",
     },
     "controller: {solver: active_set}": {
-        "controller: {method: pseudo_inverse}": "controller.method",
         "controller: {solver: active_set, deadline: 0.001}": "a deadline",
         # It was said that no tick had a solution that is accurate enough.
         "controller: {solver: active_set, eps: 1.0e-4}": "an eps above 1e-06; set controller.eps",
