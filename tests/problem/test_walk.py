@@ -143,6 +143,7 @@ def test_targets_of_other_tasks_move_as_they_say(
         ({"gait.height": 0.4}, "legs do not reach the ground"),
         ({"gait.ramp": 0.3}, "gait.ramp: 0.3 s is longer than the double support"),
         ({"gait.relative": True}, "gait.relative: is about footsteps that are given"),
+        ({"phases": {"one": {"duration": 1.0}}}, "phases: has no place in a problem of this kind"),
         ({"gait.commands": []}, "gait.commands: empty; it needs at least one entry"),
         ({"gait.commands": [{"at": 0.5}, {"at": 0.5}]}, "commands[1].at: comes after the one at"),
         ({"gait.commands": [{"at": 9}]}, "is given after the end of the simulation (1.2 s)"),

@@ -257,6 +257,7 @@ _TEXTS: Mapping[str, Callable[[Any, Detail], str]] = {
     "tuple_type": _list,
     "dict_type": lambda value, _: f"expected keys and values, got {shown(value)}",
     "model_type": lambda value, _: f"expected keys and values, got {shown(value)}",
+    "none_required": lambda *_: "has no place in a problem of this kind; leave it out",
     "literal_error": _literal,
     "greater_than": _bound("greater than", "gt"),
     "greater_than_equal": _bound("at least", "ge"),
