@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import BrakingParameters, Margin
-from wbc.constraints.rows import Bounds, Distances, Index, take
+from wbc.constraints.rows import Bounds, Distances, take
 from wbc.kinds import whole_number
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
@@ -17,7 +17,7 @@ from wbc.robot.collision.native_pairs import Closing
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_sizes
 from wbc.robot.series import StateSeries
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 
 class BodyMargin(Margin):

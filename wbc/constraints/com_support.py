@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, BrakingParameters, Margin, point_curvature_bound
-from wbc.constraints.rows import Distances, Index, SymbolicRows, take
+from wbc.constraints.rows import Distances, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.polygon import CONVEX, convex_hull
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
-from wbc.validate import Array, clearance, finite_array, names_of, read_only
+from wbc.validate import Array, Index, clearance, finite_array, names_of, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from wbc.attributes import ArrayAttribute
 from wbc.constraints.friction import FrictionCone
-from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, shown
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
@@ -26,7 +25,7 @@ from wbc.tasks.frame import TURNS
 from wbc.tasks.keywords import LawKeywords, spell_out
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_array, read_only, real_array
+from wbc.validate import Array, Index, finite_array, read_only, real_array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture

@@ -16,11 +16,10 @@ from scipy.linalg import qr
 
 from wbc.constraints.contact import Contact, ContactRows, PointContact
 from wbc.constraints.line_contact import LineContact
-from wbc.constraints.rows import Index
 from wbc.rotations import log_rotation
 from wbc.spatial import skew
 from wbc.tasks.task import Task
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 # Rows count as dependent below this part of the largest, positions measured in the link's size.
 RANK_TOLERANCE = 1e-6

@@ -28,7 +28,7 @@ import numpy as np
 
 from wbc.attributes import DeclaredAttributes
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
+from wbc.constraints.rows import Bounds, Constraint, Distances, SeparatedPairs, SymbolicRows
 from wbc.constraints.validation import curvature_of, distances_of
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_kind, check_word
@@ -36,7 +36,7 @@ from wbc.laws import Rows
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, Index, finite_number, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, BrakingParameters, Margin, point_curvature_bound
-from wbc.constraints.rows import Distances, Index, SymbolicRows, take
+from wbc.constraints.rows import Distances, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.point import AXES
-from wbc.validate import Array, finite_array, read_only, real_array
+from wbc.validate import Array, Index, finite_array, read_only, real_array
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture

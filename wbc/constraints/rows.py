@@ -8,18 +8,16 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.laws import Rows, stacked
 from wbc.native import lib
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression
 
-Index = NDArray[np.int64]
 # Interior left to the solver by rows that are relaxed for contacts [m/s].
 INTERIOR = 1e-4
 # Hardest braking before a margin [m/s^2], and of one joint on the way out of it [rad/s^2].

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, BrakingParameters, Margin
-from wbc.constraints.rows import Distances, Index, SymbolicRows
+from wbc.constraints.rows import Distances, SymbolicRows
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.validate import Array, Index, finite_number, finite_vector, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture

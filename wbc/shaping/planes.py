@@ -21,12 +21,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from wbc.constraints.rows import Index, SeparatedPairs
+from wbc.constraints.rows import SeparatedPairs
 from wbc.robot import Robot
 from wbc.robot.collision import Body, CollisionModel, HalfSpace
 from wbc.robot.symbolic import SymbolicPosture
 from wbc.sparse import matrix_of, summed
-from wbc.validate import Array
+from wbc.validate import Array, Index
 
 UNKNOWNS = 4  # of a plane: n, d
 ENTRIES = 12  # of a placement, by columns: R, p
