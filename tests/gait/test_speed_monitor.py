@@ -117,4 +117,7 @@ def test_a_knee_without_a_motor_is_not_at_its_torque_limit():
 def test_hips_and_knees_without_motors_are_never_at_their_torque_limits():
     """Linkages may drive all of them: an index of no joints was an IndexError."""
     robot = Robot.load("hoap2_like", unactuated=["*_knee*", "*_hip*"])
-    Walker(robot).step(robot.snapshot(robot.posture()))
+    walker = Walker(robot)
+    tick = walker.step(robot.snapshot(robot.posture()))
+    assert not bearing_joints(robot).size
+    assert tick.ok and walker.limits.why[0] != "speed that it was seen to sustain"
