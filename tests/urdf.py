@@ -1,5 +1,7 @@
 """Toy robots as URDF, part by part; a robot is loaded from its text as from its file."""
 
+import re
+
 GEARED = {
     "c": '<mimic joint="b" multiplier="-2" offset="0.1"/>',
     "d": '<mimic joint="c" multiplier="0.5"/>',
@@ -76,3 +78,10 @@ def arm_of_one_joint(limits: str) -> str:
 def stone(mass: float = 2, moment: float = 1) -> str:
     """A robot of one body."""
     return robot("stone", link("stone", mass=mass, moment=moment))
+
+
+def on_both_legs(text: str, pattern: str, by: str) -> str:
+    """Return a URDF in which a pattern is replaced; it is there once for each leg."""
+    text, count = re.subn(pattern, by, text, flags=re.DOTALL)
+    assert count == 2
+    return text

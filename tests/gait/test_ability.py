@@ -1,13 +1,13 @@
 """What legs lack for walking is said before they walk."""
 
 import logging
-import re
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from tests.conftest import load
+from tests.urdf import on_both_legs
 from wbc.constraints import Contact, LineContact, support
 from wbc.constraints.sole_contacts import _tell_lines, rolls
 from wbc.errors import InvalidInputError
@@ -205,13 +205,8 @@ def test_a_simulation_says_it_too(tmp_path) -> None:
 
 def test_straight_legs_that_lean_aside_can_roll_their_soles(hoap2: Robot) -> None:
     """They could not to the bit, and retargeting let a Berkeley Humanoid Lite stand on edges."""
-    text, count = re.subn(
-        r'(<joint name="(?:left|right)_ankle_pitch".*?xyz=")0 0 ',
-        r"\g<1>0 0.02 ",
-        hoap2.path.read_text(),
-        flags=re.DOTALL,
-    )
-    assert count == 2
+    pattern = r'(<joint name="(?:left|right)_ankle_pitch".*?xyz=")0 0 '
+    text = on_both_legs(hoap2.path.read_text(), pattern, r"\g<1>0 0.02 ")
     robot = Robot.load(text, base="floating")
     posture = robot.snapshot(robot.posture("standing"))
     assert rolls(posture, "left") and rolls(posture, "right")

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.urdf import on_both_legs
 from wbc.gait import Walker
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import STRETCH, Legs, bent_backwards, knees_one_way
@@ -18,12 +19,8 @@ from wbc.tasks import PostureTask
 @pytest.fixture
 def straight(hoap2: Robot, tmp_path: Path) -> Robot:
     """A robot as from a file that says nothing of how it stands, whose knees bend both ways."""
-    text = hoap2.path.read_text()
-    knee = re.compile(
-        r'(name="(?:left|right)_knee(?:_pitch)?".*?<limit[^>]*?lower=")[^"]*', re.DOTALL
-    )
-    text, count = knee.subn(r"\g<1>-0.4", text)
-    assert count == 2
+    knee = r'(name="(?:left|right)_knee(?:_pitch)?".*?<limit[^>]*?lower=")[^"]*'
+    text = on_both_legs(hoap2.path.read_text(), knee, r"\g<1>-0.4")
     (tmp_path / "straight.urdf").write_text(text)
     robot = Robot.load(tmp_path / "straight.urdf")
     assert not robot.posture("standing")[7:].any()
@@ -60,13 +57,8 @@ def test_knees_without_a_range_bend_ahead(hoap2: Robot, axis: int) -> None:
     """Of a RoboCup robot's file: they bent backwards, in walks and retargeted, and nobody said."""
     text = re.sub(r'<limit lower="[^"]*" upper="[^"]*"', "<limit", hoap2.path.read_text())
     text = text.replace('type="revolute"', 'type="continuous"')
-    text, count = re.subn(
-        r'(<joint name="(?:left|right)_knee(?:_pitch)?".*?<axis xyz=")0 1 0',
-        rf"\g<1>0 {axis} 0",
-        text,
-        flags=re.DOTALL,
-    )
-    assert count == 2
+    pattern = r'(<joint name="(?:left|right)_knee(?:_pitch)?".*?<axis xyz=")0 1 0'
+    text = on_both_legs(text, pattern, rf"\g<1>0 {axis} 0")
     robot = Robot.load(text, base="floating")
     start = robot.snapshot(robot.posture("standing"))
     q = walking_posture(start, Walker(robot).gait.height)
@@ -82,13 +74,8 @@ def test_knees_with_as_much_range_on_both_sides_are_given_one(hoap2: Robot, axis
         r'(<joint name="(?:left|right)_knee(?:_pitch)?".*?<axis xyz=")0 1 0(.*?)'
         r'<limit lower="[^"]*" upper="[^"]*"'
     )
-    text, count = re.subn(
-        pattern,
-        rf'\g<1>0 {axis} 0\g<2><limit lower="-2" upper="2"',
-        hoap2.path.read_text(),
-        flags=re.DOTALL,
-    )
-    assert count == 2
+    turned = rf'\g<1>0 {axis} 0\g<2><limit lower="-2" upper="2"'
+    text = on_both_legs(hoap2.path.read_text(), pattern, turned)
     robot = Robot.load(text, base="floating")
     limits = knees_one_way(robot).limits
     knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
@@ -103,8 +90,7 @@ def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> N
     text = hoap2.path.read_text()
     for joint, turned in (("hip_pitch", 0.25), ("knee(?:_pitch)?", -0.5), ("ankle_pitch", 0.25)):
         pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
-        text, count = re.subn(pattern, rf"\g<1>0 {turned} 0", text, flags=re.DOTALL)
-        assert count == 2
+        text = on_both_legs(text, pattern, rf"\g<1>0 {turned} 0")
     robot = Robot.load(text, base="floating")
     start = robot.snapshot(robot.posture("standing"))
     legs = Legs.of(robot)
@@ -122,7 +108,7 @@ def test_knees_a_little_past_straight_bend_before_the_robot_sinks(hoap2: Robot) 
     text = hoap2.path.read_text()
     for joint, turned in (("hip_pitch", 0.05), ("knee(?:_pitch)?", -0.1), ("ankle_pitch", 0.05)):
         pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
-        text = re.sub(pattern, rf"\g<1>0 {turned} 0", text, flags=re.DOTALL)
+        text = on_both_legs(text, pattern, rf"\g<1>0 {turned} 0")
     robot = Robot.load(text, base="floating")
     walker = Walker(robot)
     plant, tilt = Plant(robot, dt=walker.dt), 0.0
@@ -137,14 +123,12 @@ def test_knees_a_little_past_straight_bend_before_the_robot_sinks(hoap2: Robot) 
 @pytest.mark.parametrize("beyond", [0.0, 0.005])  # all the way out, and not quite
 def test_legs_that_telescope_walk(hoap2: Robot, beyond: float) -> None:
     """A knee that slides has no axis, and was sought among those that are parallel to it."""
-    text, count = re.subn(
+    text = on_both_legs(
+        hoap2.path.read_text(),
         r'(<joint name="(?:left|right)_knee(?:_pitch)?" type=")revolute(".*?<axis xyz=")0 1 0'
         r'(" */>\s*<limit lower=")[^"]*" upper="[^"]*" effort="9"',
         rf'\g<1>prismatic\g<2>0 0 -1\g<3>-0.08" upper="{beyond}" effort="300"',
-        hoap2.path.read_text(),
-        flags=re.DOTALL,
     )
-    assert count == 2
     robot = Robot.load(text, base="floating")
     start = robot.snapshot(robot.posture("standing"))
     height = Walker(robot).gait.height
