@@ -11,14 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.soak import (
-    Episode,
-    Record,
-    corrupted,
-    is_valid,
-    soak,
-    tick_violations,
-)
+from benchmarks.soak import Episode, Record, corrupted, is_valid, soak, tick_violations
 from wbc.controllers import KinematicController
 from wbc.qp.solution import Status
 from wbc.tasks import ComTask

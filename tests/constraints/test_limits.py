@@ -236,9 +236,7 @@ def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(plain)).speed, 0.5)
 
 
-def test_assigned_accelerations_are_kept_by_a_torque_controller_as_given_ones(
-    hoap2: Robot,
-) -> None:
+def test_assigned_accelerations_are_kept_by_a_torque_controller_as_given_ones(hoap2: Robot) -> None:
     """Before or after it is made: more than half of the torques, and less."""
     standing, plain = hoap2.posture("standing"), Limits(hoap2)
     elbow = hoap2.joint_names.index("left_elbow_pitch")

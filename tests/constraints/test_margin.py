@@ -405,9 +405,7 @@ class Refilled(Walls):
         return self.kept
 
 
-def test_distances_in_arrays_that_are_filled_anew_are_those_of_their_snapshot(
-    hoap2: Robot,
-) -> None:
+def test_distances_in_arrays_that_are_filled_anew_are_those_of_their_snapshot(hoap2: Robot) -> None:
     """Those at the end of a step were compared with themselves: nothing was ever violated."""
     here, v = at(hoap2, 0.0), np.zeros(hoap2.nv)
     v[0] = 40.0  # through the wall within a tick

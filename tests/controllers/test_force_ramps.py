@@ -181,9 +181,7 @@ def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, here: S
     assert not tick.ramps and set(tick.forces) == {"left_sole", "right_sole"}
 
 
-def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
-    here: Snapshot,
-) -> None:
+def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(here: Snapshot) -> None:
     controller = controlled(here)
     left, right = controller.contacts
     controller.step(here)

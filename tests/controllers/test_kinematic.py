@@ -47,10 +47,7 @@ def test_joints_come_back_though_all_tasks_are_off(g1_27: Robot) -> None:
 
 def test_a_list_of_frames_and_points_can_be_held(hoap2: Robot, rng) -> None:
     here = stance(hoap2, rng)
-    contacts = [
-        *support(here, ["left_sole"]),
-        PointContact.hold(here, "right_palm"),
-    ]
+    contacts = [*support(here, ["left_sole"]), PointContact.hold(here, "right_palm")]
     controller = KinematicController(
         hoap2, [ComTask(hoap2, here.com - [0.01, 0, 0.01])], contacts=contacts, dt=DT
     )

@@ -9,12 +9,7 @@ from tests.standing import standing
 from wbc.constraints import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
-from wbc.controllers.look_ahead import (
-    RELAXED,
-    ROUNDS,
-    MarginRows,
-    solve_with_look_ahead,
-)
+from wbc.controllers.look_ahead import RELAXED, ROUNDS, MarginRows, solve_with_look_ahead
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Residual, Rows

@@ -34,12 +34,7 @@ def test_levels_and_look_ahead_do_not_take_limits_away(mode: str, seed: int, g1:
         PostureTask(g1, g1.posture("standing"), priority=2),
     ]
     controller = KinematicController(
-        g1,
-        tasks,
-        contacts=support(here, mode),
-        limits=limits,
-        constraints=[box],
-        dt=DT,
+        g1, tasks, contacts=support(here, mode), limits=limits, constraints=[box], dt=DT
     )
     tick = controller.step(here)
     lower, upper = limits.box(here, DT)

@@ -317,11 +317,7 @@ def test_rows_without_weight_and_faint_tasks(g1_27: Robot) -> None:
     wanted = here.com + [0.01, 0, 0.01]
     sideways = ComTask(g1_27, wanted, weight=[10.0, 10.0, 0.0], singular_threshold=0.08)
     base = PoseTask(
-        g1_27,
-        "base",
-        here.position("base"),
-        here.rotation("base"),
-        singular_threshold=0.08,
+        g1_27, "base", here.position("base"), here.rotation("base"), singular_threshold=0.08
     )
     controller = KinematicController(g1_27, [sideways, base], contacts=support(here, "double"))
     base.weight = 0.0

@@ -167,13 +167,7 @@ def still(dcm: complex) -> GaitState:
 
 @pytest.mark.parametrize(
     ("early", "behind", "waits"),
-    [
-        (0.1, 0.04, 0.04),
-        (0.1, 0.1, 0.1),
-        (0.1, 0.2, 0.1),
-        (0.1, -0.1, 0.0),
-        (-0.02, 0.04, 0.0),
-    ],
+    [(0.1, 0.04, 0.04), (0.1, 0.1, 0.1), (0.1, 0.2, 0.1), (0.1, -0.1, 0.0), (-0.02, 0.04, 0.0)],
 )
 def test_a_foot_that_lands_early_waits_for_the_dcm(
     legs: Legs, early: float, behind: float, waits: float

@@ -470,9 +470,7 @@ def test_body_moves_on_while_its_markers_are_not_seen(lost: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [100, 25])
-def test_t_pose_before_the_motion_is_dropped_with_a_note(
-    rate: int,
-) -> None:
+def test_t_pose_before_the_motion_is_dropped_with_a_note(rate: int) -> None:
     """As files of animation begin with a T-pose, away from where the motion begins."""
     whole, _ = recorded(BODY, seconds=1.0)
     step = 100 // rate
@@ -833,9 +831,7 @@ def test_markers_of_legs_only_hold_the_trunk_upright_with_a_note() -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.6, -0.9])
-def test_trunk_without_markers_leans_by_the_excess_tilt_of_the_pelvis(
-    tilt: float,
-) -> None:
+def test_trunk_without_markers_leans_by_the_excess_tilt_of_the_pelvis(tilt: float) -> None:
     turned = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, tilt, 0.0]]))
     poses = Poses(np.zeros((1, 3)), turned, np.zeros((1, len(HINGES))))
     placed = forward_kinematics(upright_trunk(poses), BODY.dimensions)

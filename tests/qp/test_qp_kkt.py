@@ -86,9 +86,7 @@ def test_against_the_loop(solvable, seed, me, mi, pull):
     r = kkt_residuals(qp, *point)
     # Sums of tens of terms up to 1e4: another order of summation moves them by 1e-12.
     np.testing.assert_allclose(
-        (r.primal, r.dual, r.complementarity),
-        loop_residuals(qp, *point),
-        rtol=1e-10,
+        (r.primal, r.dual, r.complementarity), loop_residuals(qp, *point), rtol=1e-10
     )
 
 

@@ -5,12 +5,7 @@ import pytest
 
 from wbc.qp import QP
 from wbc.qp.conflict import REACH, conflict_of, find_conflict
-from wbc.qp.kkt import (
-    COST_DOUBT,
-    acceptable,
-    doubtful_cost,
-    kkt_residuals,
-)
+from wbc.qp.kkt import COST_DOUBT, acceptable, doubtful_cost, kkt_residuals
 from wbc.qp.problem import Labels
 
 NONE = np.zeros(0)

@@ -245,9 +245,7 @@ def test_what_is_infeasible_again_is_refuted_without_proxqp(ticks, monkeypatch):
     )
     honest = Workspace.solve_cold
     monkeypatch.setattr(
-        Workspace,
-        "solve_cold",
-        lambda self: sizes.append(self.native.model.dim) or honest(self),
+        Workspace, "solve_cold", lambda self: sizes.append(self.native.model.dim) or honest(self)
     )
     for qp in bad:
         solution = backend.solve(qp)

@@ -104,8 +104,7 @@ def facing(human: HumanMotion, angle: float) -> HumanMotion:
     assert base is not None
     turn = Rotation.from_matrix(R) * Rotation.from_quat(base[:, 3:])
     return replace(
-        human,
-        motion=replace(human.motion, base=np.hstack((base[:, :3] @ R.T, turn.as_quat()))),
+        human, motion=replace(human.motion, base=np.hstack((base[:, :3] @ R.T, turn.as_quat())))
     )
 
 

@@ -70,10 +70,7 @@ def symmetric(task: Task, start: np.ndarray, rng: np.random.Generator) -> Moving
     parts = rng.normal(size=(2, 3, 3))
     rate, acceleration = parts + parts.transpose(0, 2, 1)
     return Moving(
-        task,
-        lambda t: (start + t * rate + 0.5 * t * t * acceleration,),
-        rate,
-        acceleration,
+        task, lambda t: (start + t * rate + 0.5 * t * t * acceleration,), rate, acceleration
     )
 
 

@@ -152,9 +152,7 @@ def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(hoap2, bound) -
 
 @pytest.mark.parametrize("how", ["complex", "columns missing", "NaN", "masked"])
 @pytest.mark.parametrize(
-    "options",
-    [{}, {"solver": "daqp"}, {"slack": {"mine": 10.0}}],
-    ids=["proxqp", "daqp", "soft"],
+    "options", [{}, {"solver": "daqp"}, {"slack": {"mine": 10.0}}], ids=["proxqp", "daqp", "soft"]
 )
 def test_odd_return_of_a_contact_is_refused_by_name(hoap2, how: str, options) -> None:
     change = place("jacobian", WRONG["jacobian"][how])
