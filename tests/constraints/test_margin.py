@@ -15,7 +15,7 @@ from wbc.constraints.margin import (
     _clearance_before,
     point_curvature_bound,
 )
-from wbc.constraints.rows import Bounds, Distances, stack, take
+from wbc.constraints.rows import Bounds, Distances, stack
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.native import lib
@@ -215,13 +215,6 @@ def test_rows_of_several_constraints_are_joined(hoap2) -> None:
     assert stack(parts[:1]) is parts[0]
 
 
-def test_names_are_picked_in_order() -> None:
-    names = ("a", "b", "c")
-    for which in ([], [1], [0, 2]):
-        expected = tuple(names[k] for k in which)
-        assert take(names, np.array(which, dtype=np.int64)) == expected
-
-
 # ------------------------------------------------------------------ where a command leads
 
 
@@ -374,19 +367,6 @@ def test_joints_without_limits_of_acceleration_brake_all_the_same(hoap2) -> None
     Margin.__init__(bounded, hoap2, "walls", None, free)
     here = at(hoap2, 0.9)
     np.testing.assert_array_equal(bounded.rows(here, DT).lower, walls.rows(here, DT).lower)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"deceleration": 0.0}, "deceleration"),
-        ({"gain": 1.5}, "gain"),
-        ({"recovery_speed": np.inf}, "recovery_speed"),
-    ],
-)
-def test_bad_laws(values, words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        BrakingParameters(**values)
 
 
 def test_limits_of_another_robot(hoap2, robot_named) -> None:

@@ -11,7 +11,7 @@ from tests.standing import commanded
 from wbc import KinematicController, OrientationTask, PostureTask, support
 from wbc.constraints import BrakingParameters, PositionBox, TiltLimit
 from wbc.constraints.margin import SKIN
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.symbolic import SymbolicPosture
 
@@ -125,24 +125,6 @@ def test_a_search_knows_the_cosine_of_the_tilt(hoap2) -> None:
     np.testing.assert_allclose(value, hoap2.snapshot(q).position(TRUNK)[1:], atol=1e-12)
     np.testing.assert_allclose(rows.lower, (-0.3 + SKIN, -np.inf))
     np.testing.assert_allclose(rows.upper, (np.inf, 0.5 - SKIN))
-
-
-@pytest.mark.parametrize(
-    ("what", "answer"),
-    [
-        ({"angle": 3.5}, "below pi"),
-        ({"axis": (0.0, 0.0, 0.0)}, "has no length"),
-        ({"axis": (0.0, 1.0)}, "3"),
-    ],
-)
-def test_a_limit_that_is_none_is_refused(hoap2, what, answer) -> None:
-    with pytest.raises(InvalidInputError, match=answer):
-        TiltLimit(hoap2, TRUNK, **({"angle": 1.0} | what))
-
-
-def test_a_frame_that_is_none_is_refused(hoap2) -> None:
-    with pytest.raises(UnknownNameError, match="trunk"):
-        TiltLimit(hoap2, "trunk", 1.0)
 
 
 def test_an_assigned_angle_is_checked_and_counts(hoap2) -> None:

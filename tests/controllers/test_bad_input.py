@@ -51,6 +51,7 @@ CALM = PostureTask(ROBOT, START.q)
 SQUARE = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
 BALL = Obstacle.sphere("ball", (3.0, 0.0, 0.0), 0.1)
 NO_ROBOT: Any = "hoap2_like"
+OTHER = Robot.load("g1")
 
 
 def made(tasks: Any = (CALM,), **parts: Any) -> KinematicController:
@@ -101,10 +102,37 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "support 3": (lambda: support(START, 3), "expected a mode"),  # type: ignore[arg-type]
     "a snapshot's com": (lambda: setattr(START, "com", np.zeros(3)), "cannot be assigned"),
     "quaternion": (
-        lambda: ROBOT.snapshot(np.r_[START.q[:3], 1, 1, 0, 1, START.q[7:]]),
-        "quaternion",
-    ),
-}
+        lambda: ROBOT.snapshot(np.r_[START.q[:3], 1, 1, 0, 1, START.q[7:]]), "quaternion"),
+    "no task": (lambda: made([]), "no task"),
+    "tasks of one name": (lambda: made([CALM, CALM]), "two tasks are called 'posture'"),
+    "contacts of one name": (
+        lambda: made(contacts=[*HELD, *HELD]), "two contacts are called 'left_sole'"),
+    "tasks of another robot": (lambda: KinematicController(OTHER, [CALM]), "another robot"),
+    "limits of another robot": (lambda: made(limits=Limits(OTHER)), "another robot"),
+    "a snapshot of another robot": (
+        lambda: made().step(OTHER.snapshot(OTHER.posture())), "expected a snapshot of hoap2_like"),
+    "a solver": (lambda: made(solver="proxpq"), "proxqp"),
+    "a failure policy": (lambda: made(on_failure="panic"), "failure policy"),
+    "both feet": (lambda: support(START, "both"), "support mode"),
+    "slack of an unknown name": (
+        lambda: made(contacts=HELD, slack={"left_soul": 1.0}), "did you mean 'left_sole'"),
+    "a joint's weight": (
+        lambda: made(joint_weights={"left_knee": 2.0}), "did you mean 'left_knee_pitch'"),
+    "the base's weight": (lambda: made(joint_weights={"bas": 2.0}), "did you mean 'base'"),
+    "weights of some": (
+        lambda: made(joint_weights=np.ones(5)), rf"joint_weights: expected shape \({ROBOT.nv},\)"),
+    "weight of a number": (
+        lambda: made(joint_weights={3: 2.0}), "expected names of joints, got 3"),
+    "weights below 0": (
+        lambda: made(joint_weights=-np.ones(ROBOT.nv)), "each must be greater than 0, got -1"),
+    "a tilt's frame": (lambda: TiltLimit(ROBOT, "trunk", 1.0), "trunk"),
+    "a tilt's axis": (lambda: TiltLimit(ROBOT, "base", 1.0, axis=(0, 1)), "axis: expected shape"),
+    "a stance of no state": (lambda: stance_torques(None, HELD), "snapshot"),  # type: ignore[arg-type]
+    "a stance on one contact": (lambda: stance_torques(START, HELD[0]), "contacts"),  # type: ignore[arg-type]
+    "a stance on words": (lambda: stance_torques(START, ["left_sole"]), "contacts"),  # type: ignore[list-item]
+    "a stance without corners": (
+        lambda: stance_torques(START, [Contact.hold(START, "left_palm")]), "corners"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -160,6 +188,8 @@ def test_what_is_assigned_is_checked_as_what_is_given() -> None:
         (plain, "deadline", 0.0, "deadline: must be greater than 0"),
         (plain, "deadline", "1 ms", "deadline: expected a number"),
         (bears, "force_ramp", -0.1, "force_ramp: must be at least 0"),
+        (bears, "friction_compensation", 1.1, "friction_compensation: 1.1 is above 1"),
+        (calm, "singular_threshold", np.nan, "'posture', singular_threshold: must be finite"),
         (calm, "priority", -1, "priority: must be at least 0"),
         (calm, "priority", 0.5, "0.5 is not a whole number"),
         (calm, "name", 3, "name: expected a word"),
@@ -209,6 +239,7 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "joint_weights": (lambda x: kinematic(joint_weights={"*": x}), (TINY,), (0.0,)),
     "force_damping": (lambda x: torque(force_damping=x), (TINY,), (0.0,)),
     "force_ramp": (lambda x: torque(force_ramp=x), (0.0,), (-TINY,)),
+    "delay": (lambda x: torque(delay=x), (0.0,), (-TINY, np.nan)),
     "spring_time": (lambda x: torque(spring_time=x), (0.0,), (-TINY,)),
     "friction_compensation": (
         lambda x: torque(friction_compensation=x), (0.0, 1.0), (-TINY, 1.0 + LITTLE),
@@ -219,6 +250,8 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "contacts, ramp": (lambda x: torque().set_contacts(HELD, ramp=x), (0.0,), (-TINY,)),
     "priority": (lambda x: ComTask(ROBOT, START.com, priority=x), (0, 3), (-1, 0.5)),
     "weight": (lambda x: ComTask(ROBOT, START.com, weight=x), (0.0,), (-TINY,)),
+    "'com', singular_threshold": (
+        lambda x: ComTask(ROBOT, START.com, singular_threshold=x), (0.0,), (-TINY, np.nan)),
     "posture'.*weight": (lambda x: PostureTask(ROBOT, START.q, weight=x), (0.0,), (-TINY,)),
     "weight of joint": (
         lambda x: PostureTask(ROBOT, START.q, joints={"left_knee*": x}), (0.0,), (-TINY,)),
@@ -249,7 +282,7 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "braking, recovery": (
         lambda x: BrakingParameters(recovery=x), (LITTLE, 1.0), (0.0, 1.0000001)),
     "braking, recovery_speed": (
-        lambda x: BrakingParameters(recovery_speed=x), (LITTLE, 9.0), (0.0,)),
+        lambda x: BrakingParameters(recovery_speed=x), (LITTLE, 9.0), (0.0, np.inf)),
     "tilt of .*, angle": (
         lambda x: TiltLimit(ROBOT, "base", x), (LITTLE, np.pi - LITTLE), (0.0, np.pi)),
     "tilt of .*, axis": (lambda x: TiltLimit(ROBOT, "base", 0.1, axis=[0, 0, x]), (TINY,), (0.0,)),

@@ -7,7 +7,6 @@ import qpsolvers
 from wbc.constraints import Contact, Limits, PositionBox, support
 from wbc.controllers import KinematicController
 from wbc.controllers.braking import least_acceleration_qp, relax_box
-from wbc.errors import UnknownNameError
 from wbc.qp import QP, Labels, Solution, Status
 from wbc.qp.solution import KktResiduals
 from wbc.robot import Robot, Snapshot
@@ -223,8 +222,3 @@ def test_what_contradicts_without_the_bound_is_named(hoap2, rng) -> None:
     nv, (lower, upper) = hoap2.nv, limits.emergency_braking_box(here, DT)
     np.testing.assert_array_equal(tick.qp.lower[:nv], lower)
     np.testing.assert_array_equal(tick.qp.upper[:nv], upper)
-
-
-def test_an_unknown_kind_of_braking_is_refused(hoap2) -> None:
-    with pytest.raises(UnknownNameError, match="bounded"):
-        Limits(hoap2, braking="bound")

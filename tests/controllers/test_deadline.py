@@ -1,13 +1,11 @@
 """Once the deadline is over nothing is solved again: commands are safe, and say what they lack."""
 
 import numpy as np
-import pytest
 
 from tests.controllers.test_look_ahead import Slow, moving
 from wbc.constraints import FrictionCone, Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.look_ahead import CUTS
-from wbc.errors import InvalidInputError
 from wbc.tasks import ComTask, PostureTask
 
 AT_ONCE = 1e-9  # s
@@ -58,10 +56,3 @@ def test_torque_ticks_give_way_in_time(hoap2) -> None:
     assert (np.abs(tick.torque) <= control.torque_bounds).all()
     assert "not everything could be kept" in tick.report()
     assert tick.conflict is not None or tick.left_out
-
-
-@pytest.mark.parametrize("deadline", [0.0, -1.0, np.nan, "soon"])
-def test_what_is_no_deadline_is_refused(hoap2, deadline) -> None:
-    task = PostureTask(hoap2, hoap2.posture("standing"))
-    with pytest.raises(InvalidInputError, match="controller, deadline"):
-        KinematicController(hoap2, [task], contacts=(), deadline=deadline)

@@ -1,10 +1,8 @@
 """Dry friction that torques make up for, judged by how a robot with it moves in MuJoCo."""
 
 import numpy as np
-import pytest
 
 import wbc
-from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
@@ -64,10 +62,3 @@ def test_joints_without_a_motor_are_not_helped() -> None:
     none, all_ = (controller_of(robot, part).step(here).torque for part in (0.0, 1.0))
     assert none[k] == all_[k]
     assert np.abs(all_ - none).max() > 0.1
-
-
-def test_more_than_all_of_it_is_refused(hoap2: Robot) -> None:
-    controller = controller_of(hoap2, 0.8)
-    with pytest.raises(InvalidInputError, match=r"friction_compensation: 1.1 is above 1"):
-        controller.friction_compensation = 1.1
-    assert controller.friction_compensation == 0.8

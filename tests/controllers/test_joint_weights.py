@@ -8,7 +8,6 @@ from scipy.linalg import null_space
 
 from wbc.constraints import support
 from wbc.controllers import KinematicController
-from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask
 
@@ -117,17 +116,3 @@ def test_conditioning_measures_by_the_weights(hoap2: Robot, rng) -> None:
     assert found.free == free.shape[1]
     # The squares of 1e-9 of rounding and damping, relative to the least curvature.
     assert found.condition == pytest.approx((values[0] / values[-1]) ** 2, rel=1e-5)
-
-
-def test_mistakes(g1_27: Robot) -> None:
-    com = ComTask(g1_27, np.zeros(3))
-    with pytest.raises(UnknownNameError, match="did you mean 'left_knee_joint'"):
-        KinematicController(g1_27, [com], joint_weights={"left_kneejoint": 2.0})
-    with pytest.raises(UnknownNameError, match="did you mean 'base'"):
-        KinematicController(g1_27, [com], joint_weights={"bas": 2.0})
-    with pytest.raises(InvalidInputError, match=r"joint_weights: expected shape \(33,\)"):
-        KinematicController(g1_27, [com], joint_weights=np.ones(5))
-    with pytest.raises(InvalidInputError, match="expected names of joints, got 3"):
-        KinematicController(g1_27, [com], joint_weights={3: 2.0})
-    with pytest.raises(InvalidInputError, match="each must be greater than 0, got -1"):
-        KinematicController(g1_27, [com], joint_weights=-np.ones(g1_27.nv))

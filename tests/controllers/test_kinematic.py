@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from tests.standing import commanded
-from wbc.constraints import Contact, Limits, PointContact, support
+from wbc.constraints import Limits, PointContact, support
 from wbc.controllers import KinematicController
 from wbc.controllers.tick import Times
-from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
@@ -111,44 +110,6 @@ def test_from_outside_its_limits_a_robot_comes_back(mode, spread, hoap2: Robot, 
         assert limits.worst_margin(q)[0] > (start if mode == "double" else 0.0) - 1e-6
 
 
-def contradictory(robot: Robot, here: Snapshot, on_failure: str) -> KinematicController:
-    """One sole asked to be in two places."""
-    elsewhere = Contact(
-        robot, "left_foot", here.position("left_foot") + [0.1, 0, 0], here.rotation("left_foot")
-    )
-    return KinematicController(
-        robot,
-        [ComTask(robot, here.com)],
-        contacts=[Contact.hold(here, "left_sole"), elsewhere],
-        limits=Limits(robot),
-        on_failure=on_failure,
-    )
-
-
-def test_an_infeasible_tick_names_the_rows_and_commands_nothing(hoap2: Robot, rng) -> None:
-    here = stance(hoap2, rng)
-    tick = contradictory(hoap2, here, "hold").step(here)
-    assert not tick.ok
-    assert tick.status.value == "infeasible"
-    assert tick.policy == "hold"
-    assert (tick.velocity == 0).all()
-    named = {row.label for row in tick.solution.conflict.rows}
-    assert any(label.startswith("left_foot") for label in named)
-    assert any(label.startswith("left_sole") for label in named)
-    assert "left_foot" in tick.report()
-
-
-def test_declared_policies(hoap2: Robot, rng) -> None:
-    still = stance(hoap2, rng)
-    moving = hoap2.snapshot(still.q, rng.normal(size=hoap2.nv))
-    damped = contradictory(hoap2, moving, "damp").step(moving)
-    lower, upper = Limits(hoap2).emergency_braking_box(moving, DT)
-    np.testing.assert_array_equal(damped.velocity, np.clip(0.5 * moving.v, lower, upper))
-    with pytest.raises(ControllerFailure, match="left_foot") as caught:
-        contradictory(hoap2, moving, "raise").step(moving)
-    assert caught.value.tick.status.value == "infeasible"
-
-
 def test_diagnostics(hoap2: Robot, rng) -> None:
     here = stance(hoap2, rng)
     com = ComTask(hoap2, here.com + [0.01, 0, 0])
@@ -165,30 +126,6 @@ def test_diagnostics(hoap2: Robot, rng) -> None:
     assert tick.qp.labels.variables[6:] == hoap2.joint_names
     with pytest.raises(ValueError, match="read-only"):
         tick.velocity[0] = 1.0
-
-
-def test_parts_are_checked_before_anything_moves(hoap2: Robot, robot_named: Load) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
-    com = ComTask(hoap2, here.com)
-    with pytest.raises(InvalidInputError, match="no task"):
-        KinematicController(hoap2, [])
-    with pytest.raises(InvalidInputError, match="two tasks are called 'com'"):
-        KinematicController(hoap2, [com, ComTask(hoap2, here.com)])
-    with pytest.raises(InvalidInputError, match="two contacts are called 'left_sole'"):
-        KinematicController(hoap2, [com], contacts=support(here, ["left_sole", "left_sole"]))
-    with pytest.raises(InvalidInputError, match="another robot"):
-        KinematicController(robot_named("talos"), [com])
-    with pytest.raises(InvalidInputError, match="another robot"):
-        KinematicController(hoap2, [com], limits=Limits(robot_named("talos")))
-    with pytest.raises(InvalidInputError, match="expected a snapshot of hoap2_like"):
-        talos = robot_named("talos")
-        KinematicController(hoap2, [com]).step(talos.snapshot(talos.posture("standing")))
-    with pytest.raises(UnknownNameError, match="proxqp"):
-        KinematicController(hoap2, [com], solver="proxpq")
-    with pytest.raises(UnknownNameError, match="failure policy"):
-        KinematicController(hoap2, [com], on_failure="panic")
-    with pytest.raises(UnknownNameError, match="support mode"):
-        support(here, "both")
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])

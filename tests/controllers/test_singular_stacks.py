@@ -9,7 +9,6 @@ from scipy.linalg import null_space
 from wbc.constraints import support
 from wbc.controllers import KinematicController, Tick
 from wbc.controllers.singular import reduce_singular
-from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
@@ -133,14 +132,3 @@ def test_a_level_that_holds_nothing_and_one_that_holds_everything(g1_27: Robot) 
     assert tick.ok
     assert tick.singular["com"].rank == 0
     assert tick.singular["com"].least < 1e-7
-
-
-def test_a_threshold_is_not_negative(g1_27: Robot) -> None:
-    with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be at least 0"):
-        ComTask(g1_27, np.zeros(3), singular_threshold=-0.1)
-    com = ComTask(g1_27, np.zeros(3), singular_threshold=0.1)
-    with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be finite"):
-        com.singular_threshold = np.nan
-    assert com.singular_threshold == 0.1
-    with pytest.raises(InvalidInputError, match=r"'posture', singular_threshold"):
-        PostureTask(g1_27, g1_27.posture("standing"), singular_threshold=np.nan)

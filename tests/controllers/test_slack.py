@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from wbc.constraints import Bounds, Contact, Limits, PositionBox, support
+from wbc.constraints import Bounds, Limits, PositionBox, support
 from wbc.controllers import KinematicController, TorqueController
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
@@ -125,34 +125,6 @@ def test_levels_below_do_not_disturb_a_soft_contact(hoap2: Robot, here: Snapshot
     J = np.concatenate((here.com_jacobian, here.jacobian(contacts[0].frame)))
     np.testing.assert_allclose(J @ both.velocity, J @ first.velocity, atol=1e-7)
     assert np.abs(both.velocity - first.velocity).max() > 1e-3
-
-
-def test_mistakes(hoap2: Robot, here: Snapshot) -> None:
-    contacts = support(here, "double")
-    with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
-        controller(hoap2, here, contacts=contacts, slack={"left_soul": 1.0})
-
-
-def test_the_closest_command_stays_within_limits_and_says_what_it_misses(
-    hoap2: Robot, here: Snapshot
-) -> None:
-    left, right = support(here, "double")
-    apart = Contact(hoap2, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
-    limits = Limits(hoap2)
-    tick = KinematicController(
-        hoap2, [ComTask(hoap2, here.com)], contacts=[apart, right], limits=limits,
-        on_failure="closest",
-    ).step(here)  # fmt: skip
-    assert not tick.ok and tick.policy == "closest"
-    lower, upper = limits.box(here, DT)
-    assert (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
-    # It does what it can: nearer to what is asked than standing still is.
-    asked = tick.qp.A @ tick.velocity - tick.qp.b
-    assert np.linalg.norm(asked) < np.linalg.norm(tick.qp.b)
-    assert any(name.startswith("left_sole") for name in tick.slack)
-    assert "which misses" in tick.report()
-    assert tick.conflict is not None
-    assert {row.label.split()[0] for row in tick.conflict.rows} >= {"left_sole"}
 
 
 def test_slack_of_a_name_that_two_constraints_have_is_refused(hoap2: Robot, here: Snapshot) -> None:

@@ -17,7 +17,7 @@ from scipy.sparse import csc_matrix
 import wbc
 from tests.conftest import MIXED
 from tests.standing import standing
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 
 Load = Callable[[str], Robot]
@@ -122,25 +122,6 @@ def test_missing_effort_limits_are_said_by_name(
     caplog.clear()
     wbc.TorqueController(robot, [wbc.PostureTask(robot, q)], contacts=(), torque_limits=None)
     assert not caplog.text
-
-
-def test_bad_input_is_typed(g1: Robot, here: Snapshot) -> None:
-    contacts = wbc.support(here, "double")
-    controller = wbc.TorqueController(g1, [wbc.PostureTask(g1, here.q)], contacts=contacts)
-    bad = here.q.copy()
-    bad[9] = np.nan
-    for make in (
-        lambda: controller.step(None),
-        lambda: controller.step(g1.snapshot(bad)),
-        lambda: controller.step(g1.snapshot(here.q, np.full(g1.nv, np.inf))),
-        lambda: wbc.stance_torques(None, contacts),
-        lambda: wbc.stance_torques(here, contacts[0]),
-        lambda: wbc.stance_torques(here, ["left_sole"]),
-        lambda: wbc.stance_torques(here, contacts, torque_limits=0.0),
-        lambda: wbc.stance_torques(here, [wbc.Contact.hold(here, "torso_link")]),
-    ):
-        with pytest.raises(WbcError):
-            make()
 
 
 def test_a_robot_without_feet_is_told_so() -> None:

@@ -7,7 +7,9 @@ import pytest
 
 from wbc.constraints import Limits, PositionBox, support
 from wbc.controllers import KinematicController, TorqueController
+from wbc.errors import ControllerFailure
 from wbc.qp import Labels, Status
+from wbc.qp.active_set import ActiveSet
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
@@ -65,14 +67,23 @@ def test_a_command_that_misses_rows_says_which(hoap2) -> None:
     far = type(left)(hoap2, left.frame, left.position + [1.0, 0.0, 0.0], left.rotation)
     limits = Limits(hoap2)
     expected = {"hold": np.zeros(hoap2.nv), "damp": 0.5 * here.v}
-    for policy in ("hold", "damp", "closest"):
-        controller = KinematicController(
+    controllers = {
+        policy: KinematicController(
             hoap2, [PostureTask(hoap2, here.q)], contacts=[far, right], limits=limits,
             on_failure=policy,
-        )  # fmt: skip
+        )
+        for policy in ("hold", "damp", "closest", "raise")
+    }  # fmt: skip
+    for policy, controller in controllers.items():
+        if policy == "raise":
+            with pytest.raises(ControllerFailure, match="left_sole") as caught:
+                controller.step(here)
+            assert caught.value.tick.status is Status.INFEASIBLE
+            continue
         tick = controller.step(here)
-        assert not tick.ok and tick.policy == policy and f"command by {policy!r}" in tick.report()
-        assert "left_sole" in tick.report()
+        assert tick.status is Status.INFEASIBLE and not tick.ok and tick.policy == policy
+        assert f"command by {policy!r}" in tick.report() and "left_sole" in tick.report()
+        assert any(row.label.startswith("left_sole") for row in tick.conflict.rows)
         lower, upper = limits.box(here, controller.dt)
         assert (tick.velocity >= lower - 1e-9).all() and (tick.velocity <= upper + 1e-9).all()
         if policy in expected:
@@ -85,32 +96,37 @@ def test_a_command_that_misses_rows_says_which(hoap2) -> None:
         for name, by in tick.slack.items():
             assert missed[tick.qp.labels.equality.index(name)] == pytest.approx(by, rel=1e-6)
         assert max(map(abs, tick.slack.values())) > 1.0
+        assert np.linalg.norm(missed) < np.linalg.norm(target), "nearer than standing still is"
+    fast = hoap2.snapshot(here.q, 10.0 * here.v)
+    box = limits.emergency_braking_box(fast, controller.dt)
+    found = controllers["damp"].step(fast).velocity
+    np.testing.assert_array_equal(found, np.clip(0.5 * fast.v, *box))
 
 
 def test_a_failed_torque_tick_brings_joints_to_rest(hoap2, monkeypatch) -> None:
     """Where no solver answers: joints slow down by dt / 50 ms, within the torque bounds."""
-    from wbc.controllers import TorqueController
-    from wbc.qp import ProxQP
-    from wbc.qp.active_set import ActiveSet
 
-    failed = ActiveSet.solve_soft
+    for name in ("solve", "solve_soft"):
+        honest = getattr(ActiveSet, name)
 
-    def silent(self, qp, weights, eps=None):
-        return failed(self, qp, weights, eps)._replace(status=Status.FAILED)
+        def silent(self, qp, *given, honest=honest, **named):
+            found = honest(self, qp, *given, **named)
+            return found._replace(status=Status.FAILED, x=found.x * np.nan)
 
-    monkeypatch.setattr(ActiveSet, "solve_soft", silent)
+        monkeypatch.setattr(ActiveSet, name, silent)
 
-    class Silent(ProxQP):
-        def solve(self, qp, workspace="default", quick=False):
-            found = super().solve(qp, workspace, quick)
-            return found._replace(status=Status.FAILED, message="no answer")
+    class Lazy:
+        name = "lazy"
+
+        def solve(self, qp, workspace=None, quick=False):
+            return ActiveSet().solve(qp)
 
     rng = np.random.default_rng(1)
     here = hoap2.snapshot(hoap2.posture(), 0.1 * rng.normal(size=hoap2.nv))
     for dt, share in ((0.002, 0.96), (0.1, 0.0)):
         controller = TorqueController(
             hoap2, [PositionTask(hoap2, "left_hand", here.com)], contacts=support(here, "double"),
-            solver=Silent(), dt=dt,
+            solver=Lazy(), dt=dt,
         )  # fmt: skip
         tick = controller.step(here)
         assert not tick.ok and tick.policy == "damp"
@@ -120,6 +136,9 @@ def test_a_failed_torque_tick_brings_joints_to_rest(hoap2, monkeypatch) -> None:
         bounds = controller.torque_bounds
         raw = here.mass_matrix @ tick.acceleration + here.bias + robot_damping(hoap2, expected)
         np.testing.assert_allclose(tick.torque, np.clip(raw[6:], -bounds, bounds), atol=1e-6)
+        controller.on_failure = "raise"
+        with pytest.raises(ControllerFailure):
+            controller.step(here)
 
 
 def robot_damping(robot: Robot, v: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import wbc
 from tests import urdf
 from tests.standing import stack, standing
 from tests.urdf import link
-from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 
 Load = Callable[[str], Robot]
@@ -152,18 +152,6 @@ def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load
     assert np.abs(tick.acceleration).max() < 0.05
 
 
-def test_centre_of_pressure_agrees_with_the_wrenches(g1: Robot, here: Snapshot) -> None:
-    tasks = [wbc.ComTask(g1, here.com + [0.05, 0.02, 0.0]), *stack(here)[1:]]
-    tick = wbc.TorqueController(g1, tasks, contacts=wbc.support(here, "double")).step(here)
-    total, moment = np.zeros(3), np.zeros(3)
-    for frame, wrench in tick.forces.items():
-        total += wrench[:3]
-        moment += wrench[3:] + np.cross(here.position(frame), wrench[:3])
-    assert tick.cop is not None
-    np.testing.assert_allclose(tick.cop[0], -moment[1] / total[2], atol=1e-9)
-    np.testing.assert_allclose(tick.cop[1], moment[0] / total[2], atol=1e-9)
-
-
 def test_what_cannot_be_kept_gives_way_by_name(g1: Robot, here: Snapshot) -> None:
     """A sole that rushes upwards cannot be stopped by forces that only push."""
     v = np.zeros(g1.nv)
@@ -202,43 +190,6 @@ def test_every_command_is_finite_and_inside_the_torque_bounds(solver: str, g1: R
         assert tick.ok, tick.report()  # the last resort is for what we have not seen
         relaxed += tick.policy == "relax"
     assert relaxed > 15
-
-
-def test_last_resort_and_its_policy(hoap2: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where neither the chosen solver nor the core has an answer."""
-    from wbc.qp.active_set import ActiveSet
-    from wbc.qp.solution import Status
-
-    for name in ("solve", "solve_soft"):
-        honest = getattr(ActiveSet, name)
-
-        def silent(self, qp, *given, honest=honest, **named):  # type: ignore[no-untyped-def]
-            found = honest(self, qp, *given, **named)
-            return found._replace(status=Status.FAILED, x=found.x * np.nan)
-
-        monkeypatch.setattr(ActiveSet, name, silent)
-
-    class Lazy:
-        name = "lazy"
-
-        def solve(self, qp, workspace=None, quick=False):  # type: ignore[no-untyped-def]
-            return ActiveSet().solve(qp)
-
-    here = standing(hoap2)
-    v = np.zeros(hoap2.nv)
-    v[10] = 3.0
-    there = hoap2.snapshot(here.q, v)
-    contacts = wbc.support(here, "double")
-    controller = wbc.TorqueController(hoap2, stack(here), contacts=contacts, solver=Lazy())
-    tick = controller.step(there)
-    assert not tick.ok and tick.policy == "damp"
-    assert np.isfinite(tick.torque).all()
-    assert abs(tick.velocity[10]) < 3.0
-    strict = wbc.TorqueController(
-        hoap2, stack(here), contacts=contacts, solver=Lazy(), on_failure="raise"
-    )
-    with pytest.raises(ControllerFailure):
-        strict.step(there)
 
 
 def test_a_surface_of_unknown_shape_is_refused(g1: Robot, here: Snapshot) -> None:
