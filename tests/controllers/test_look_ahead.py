@@ -190,11 +190,3 @@ def test_margins_are_relaxed_only_where_they_take_part(
     assert len(asked) == solves
     np.testing.assert_array_equal(asked[0].lower, [-1.0])
     assert found.core_tick.skipped == ((RELAXED,) if over else ())
-
-
-@pytest.mark.parametrize(("most", "scale"), [(1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.06, 0.0)])
-def test_a_step_is_shortened_to_a_quarter_a_sixteenth_or_rest(hoap2, here, most, scale) -> None:
-    constraint = Slow(hoap2, most, useful=False)
-    constraint.start = here.q
-    margins = MarginRows.at(here, [constraint], Slacks({}, [], []), DT)
-    assert margins.step_scale(np.eye(hoap2.nv)[6]) == scale

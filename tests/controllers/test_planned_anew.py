@@ -1,7 +1,5 @@
 """What is assigned to a task or margin counts in the next tick; a new controller is the oracle."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -27,54 +25,31 @@ def pose(start: Snapshot) -> tuple[np.ndarray, np.ndarray]:
     return start.position("base") + [0.02, 0.0, 0.0], start.rotation("base")
 
 
-def damped(tasks: list[wbc.Task]) -> None:
-    tasks[1].lm_damping = 1e-3
+# Which task, its attribute, and what is assigned to it.
+CHANGES = {
+    "damped": [(1, "lm_damping", 1e-3)],
+    "damped in place of another": [(0, "lm_damping", 0.0), (1, "lm_damping", 1e-3)],
+    "with laws of its own": [
+        (2, "law", OwnLaw(gain=0.2)), (2, "acceleration_law", OwnAccelerationLaw(kp=30.0))],
+    "near singular": [(0, "singular_threshold", 0.5)],
+    "no longer singular": [(2, "singular_threshold", 0.0)],
+    "at a lower priority": [(0, "priority", 1)],
+    "accelerated": [],
+}  # fmt: skip
 
 
-def damped_in_place_of_another(tasks: list[wbc.Task]) -> None:
-    tasks[0].lm_damping, tasks[1].lm_damping = 0.0, 1e-3
-
-
-def with_a_law_of_its_own(tasks: list[wbc.Task]) -> None:
-    tasks[2].law = OwnLaw(gain=0.2)
-    tasks[2].acceleration_law = OwnAccelerationLaw(kp=30.0)
-
-
-def near_singular(tasks: list[wbc.Task]) -> None:
-    tasks[0].singular_threshold = 0.5
-
-
-def no_longer_singular(tasks: list[wbc.Task]) -> None:
-    tasks[2].singular_threshold = 0.0
-
-
-def at_a_lower_priority(tasks: list[wbc.Task]) -> None:
-    tasks[0].priority = 1
-
-
-def accelerated(tasks: list[wbc.Task]) -> None:
-    tasks[0].set_target(tasks[0].target, acceleration=[2.0, -1.0, 0.5])
-
-
-Change = Callable[[list[wbc.Task]], None]
+def change(tasks: list[wbc.Task], name: str) -> None:
+    for k, attribute, value in CHANGES[name]:
+        setattr(tasks[k], attribute, value)
+    if name == "accelerated":
+        tasks[0].set_target(tasks[0].target, acceleration=[2.0, -1.0, 0.5])
 
 
 @pytest.mark.parametrize("kind", [wbc.KinematicController, wbc.TorqueController])
 @pytest.mark.parametrize("margin", [None, 0.005, 0.04])  # none, far, and in the way
-@pytest.mark.parametrize(
-    "change",
-    [
-        damped,
-        damped_in_place_of_another,
-        with_a_law_of_its_own,
-        near_singular,
-        no_longer_singular,
-        at_a_lower_priority,
-        accelerated,
-    ],
-)
+@pytest.mark.parametrize("name", CHANGES)
 def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
-    hoap2: Robot, kind: type[wbc.Controller], margin: float | None, change: Change
+    hoap2: Robot, kind: type[wbc.Controller], margin: float | None, name: str
 ) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     v = 0.1 * np.random.default_rng(1).standard_normal(hoap2.nv)
@@ -92,12 +67,12 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
 
     tasks, fresh = tasks_of(hoap2, start), tasks_of(hoap2, start)
     for one in (tasks, fresh):
-        one[0].lm_damping = 1e-4 if change is damped_in_place_of_another else 0.0
-        one[2].singular_threshold = 0.3 if change is no_longer_singular else 0.0
+        one[0].lm_damping = 1e-4 if name == "damped in place of another" else 0.0
+        one[2].singular_threshold = 0.3 if name == "no longer singular" else 0.0
     changed = controller(tasks)
     before = changed.step(start)
-    change(tasks)
-    change(fresh)
+    change(tasks, name)
+    change(fresh, name)
     wanted = controller(fresh).step(moving)
     found = changed.step(moving)
     assert before.ok and found.ok and wanted.ok

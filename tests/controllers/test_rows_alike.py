@@ -76,20 +76,6 @@ def test_weights_count_beside_each_other_only(rng) -> None:
                                np.insert(asked([rows[0]], held, root), 3, off.target))  # fmt: skip
 
 
-def test_one_singular_direction_is_scaled_by_its_square_over_the_threshold(rng) -> None:
-    """A task of singular value s below t asks for (s / t)^2 there, and for all of it elsewhere."""
-    U, V = (np.linalg.qr(rng.normal(size=(n, n)))[0] for n in (3, N))
-    target = rng.normal(size=3)
-    for s, t in ((0.05, 0.1), (0.02, 0.1), (0.0999, 0.1), (0.2, 0.1)):
-        row = Rows(U @ np.diag([2.0, 1.0, s]) @ V[:3], target, np.ones(3), singular_threshold=t)
-        found = asked([row], [], np.ones(N))
-        share = min(1.0, (s / t) ** 2)
-        expected = U @ (np.array([1.0, 1.0, share]) * (U.T @ target))
-        np.testing.assert_allclose(found[:3], expected, atol=1e-9)
-        assert found[3] == (3 if s >= t else 2)
-        assert found[4] == pytest.approx(s)
-
-
 def test_curvature_is_made_positive_at_its_own_scale(hoap2) -> None:
     """Eigenvalues become their sizes, at least 1e-5 of the largest; vectors stay.
 
