@@ -3,25 +3,14 @@
 import numpy as np
 import pytest
 
-from wbc.qp import QP, Labels
+from wbc.qp import QP
 from wbc.qp.active_set import proximal
 from wbc.qp.core import CoreSolution, solve_in_core
 
 
 def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    none = np.zeros((0, 2))
-    qp = QP(
-        np.zeros((2, 2)),
-        np.ones(2),
-        none,
-        np.zeros(0),
-        np.array([[1.0, 1.0]]),
-        np.array([1.0]),
-        np.array([2.0]),
-        np.zeros(2),
-        np.ones(2),
-        Labels.numbered(2, 0, 1),
-    )
+    box = {"lower": np.zeros(2), "upper": np.ones(2)}
+    qp = QP.build(np.zeros((2, 2)), np.ones(2), C=[[1.0, 1.0]], l=[1.0], u=[2.0], **box)
 
     def thrown(qp: QP, eps: float, most: int) -> CoreSolution:
         found = solve_in_core(qp, eps, most)

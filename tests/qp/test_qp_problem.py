@@ -12,18 +12,10 @@ LABELS = Labels(("foot x",), ("friction", "pair"), ("base", "knee", "hip"))
 
 
 def valid() -> QP:
-    return QP(
-        P=np.eye(3),
-        g=np.ones(3),
-        A=np.ones((1, 3)),
-        b=np.zeros(1),
-        C=np.ones((2, 3)),
-        l=np.array([-np.inf, -1.0]),
-        u=np.array([1.0, np.inf]),
-        lower=np.array([-np.inf, -1.0, -1.0]),
-        upper=np.array([np.inf, 1.0, 1.0]),
-        labels=LABELS,
-    )
+    return QP.build(
+        np.eye(3), np.ones(3), A=np.ones((1, 3)), b=[0.0], C=np.ones((2, 3)), l=[-np.inf, -1.0],
+        u=[1.0, np.inf], lower=[-np.inf, -1.0, -1.0], upper=[np.inf, 1.0, 1.0], labels=LABELS,
+    )  # fmt: skip
 
 
 def test_a_valid_qp_passes_unchanged():
@@ -36,16 +28,9 @@ def test_a_valid_qp_passes_unchanged():
 
 @pytest.mark.parametrize(
     ("field", "shape"),
-    [
-        ("P", (3, 2)),
-        ("A", (1, 2)),
-        ("C", (3, 3)),
-        ("l", (1,)),
-        ("lower", (2,)),
-        ("upper", (4,)),
-        ("b", (1, 1)),
-    ],
-)
+    [("P", (3, 2)), ("A", (1, 2)), ("C", (3, 3)), ("l", (1,)), ("lower", (2,)), ("upper", (4,)),
+     ("b", (1, 1))],
+)  # fmt: skip
 def test_wrong_shape_names_the_field(field, shape):
     with pytest.raises(InvalidInputError, match=rf"QP\.{field}: expected shape"):
         check_qp(valid()._replace(**{field: np.zeros(shape)}))

@@ -19,16 +19,9 @@ def random_qp(rng: np.random.Generator, n: int, mi: int, me: int) -> QP:
     root, inside = rng.normal(size=(n, n)), 0.1 * rng.normal(size=n)
     A, C = rng.normal(size=(me, n)), rng.normal(size=(mi, n))
     return QP.build(
-        root.T @ root + 0.1 * np.eye(n),
-        4.0 * rng.normal(size=n),
-        A=A,
-        b=A @ inside,
-        C=C,
-        l=C @ inside - 0.3,
-        u=C @ inside + 0.3,
-        lower=inside - 0.5,
-        upper=inside + 0.5,
-    )
+        root.T @ root + 0.1 * np.eye(n), 4.0 * rng.normal(size=n), A=A, b=A @ inside, C=C,
+        l=C @ inside - 0.3, u=C @ inside + 0.3, lower=inside - 0.5, upper=inside + 0.5,
+    )  # fmt: skip
 
 
 def test_threads_do_not_share_memory() -> None:

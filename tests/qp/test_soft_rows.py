@@ -31,16 +31,11 @@ def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -
     weights = np.where(gives, 10.0 ** rng.uniform(-1, 4, size=mi), np.inf)
     one_sided = rng.random(mi) < 0.5
     qp = QP.build(
-        J.T @ J + 1e-3 * np.eye(n),
-        -J.T @ (3.0 * rng.normal(size=n + 3)),
-        A=A,
-        b=A @ inside,
-        C=C,
-        l=np.where(one_sided, -np.inf, values - rng.random(mi)),
-        u=values + rng.random(mi),
+        J.T @ J + 1e-3 * np.eye(n), -J.T @ (3.0 * rng.normal(size=n + 3)), A=A, b=A @ inside, C=C,
+        l=np.where(one_sided, -np.inf, values - rng.random(mi)), u=values + rng.random(mi),
         lower=np.where(rng.random(n) < 0.5, inside - rng.random(n), -np.inf),
         upper=np.where(rng.random(n) < 0.5, inside + rng.random(n), np.inf),
-    )
+    )  # fmt: skip
     return SlackQP(qp, weights)
 
 
