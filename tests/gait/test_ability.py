@@ -105,12 +105,7 @@ def test_a_joint_that_swings_freely_is_said_to_have_nothing() -> None:
 
 def without(joint: str, half_width: float) -> Robot:
     """A small humanoid without a joint of either leg, on soles of that half width [m]."""
-    polygon = [
-        [-0.047, -half_width],
-        [0.047, -half_width],
-        [0.047, half_width],
-        [-0.047, half_width],
-    ]
+    polygon = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (0.047, half_width)
     feet = {side: {"link": f"{side}_sole", "polygon": polygon} for side in ("left", "right")}
     locked = {f"{side}_{joint}": 0.0 for side in ("left", "right")}
     return Robot.load("hoap2_like", locked=locked, feet=feet)

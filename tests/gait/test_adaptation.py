@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from wbc.gait import adaptation
-from wbc.gait.adaptation import Reach, StepBounds, StepPlan, StepWeights, held_back_by, step_qp
+from wbc.gait.adaptation import Reach, StepBounds, StepPlan, held_back_by
 from wbc.gait.dcm import StepTimes, VrpSegment, dcm_offsets
 
 OMEGA, TIMES = 3.9, StepTimes(0.4, 0.05)
@@ -43,31 +42,6 @@ def test_a_steady_walk_is_left_alone(left: float) -> None:
     np.testing.assert_allclose(plan.place, STEP, atol=1e-5)  # what 11 steps ahead leave open
     assert plan.left == pytest.approx(left, abs=1e-5)
     np.testing.assert_allclose(plan.vrp, 0.0, atol=1e-5)
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_qp_is_solved(seed: int) -> None:
-    """SLSQP knows nothing of DAQP; it is good to some 1e-6 here."""
-    rng = np.random.default_rng(seed)
-    left = float(rng.uniform(0.15, 0.4))
-    dcm = steady_dcm(left) + rng.normal(scale=0.08, size=2)
-    reach = Reach(np.array((-0.1, -0.2)), np.array((1.0, 0.1)), 40.0)
-    bounds = BOUNDS._replace(reach=reach, about=left) if seed % 2 else BOUNDS
-    qp = step_qp(dcm, nominal(left), bounds, OMEGA, TIMES.double, StepWeights()).qp
-    met = {"type": "eq", "fun": lambda x: qp.A @ x - qp.b, "jac": lambda x: qp.A}
-    kept = {"type": "ineq", "fun": lambda x: qp.u - qp.C @ x, "jac": lambda x: -qp.C}
-    found = minimize(
-        lambda x: 0.5 * x @ qp.P @ x + qp.g @ x,
-        np.clip(np.zeros(7), qp.lower, qp.upper),
-        jac=lambda x: qp.P @ x + qp.g,
-        bounds=list(zip(qp.lower, qp.upper, strict=True)),
-        constraints=[met, kept],
-        method="SLSQP",
-        options={"maxiter": 500, "ftol": 1e-14},
-    )
-    plan = adapt_step(dcm, nominal(left), bounds, OMEGA, TIMES.double)
-    np.testing.assert_allclose(plan.place, found.x[:2], atol=2e-5)
-    assert math.exp(OMEGA * (plan.left - left)) == pytest.approx(found.x[2], abs=2e-4)
 
 
 def test_what_is_planned_is_where_the_pendulum_goes() -> None:
@@ -149,13 +123,6 @@ def test_a_foot_that_is_far_off_takes_its_time() -> None:
     sigma = math.exp(OMEGA * (plan.left - 0.3))
     ways = np.concatenate((plan.place, -plan.place))
     assert (ways <= h * (0.3 + (sigma - 1.0) / OMEGA) + c + 1e-7).all()
-
-
-@pytest.mark.parametrize("push", [(1.0, 0.0), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0)])
-def test_bounds_hold_however_hard_the_push(push: tuple[float, float]) -> None:
-    plan = adapt_step(np.array(push), nominal(0.3), BOUNDS, OMEGA, TIMES.double)
-    assert (plan.place >= BOUNDS.lower - 1e-7).all() and (plan.place <= BOUNDS.upper + 1e-7).all()
-    assert BOUNDS.min_time <= plan.left <= BOUNDS.max_time
 
 
 def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:

@@ -27,6 +27,19 @@ def straight(hoap2: Robot, tmp_path: Path) -> Robot:
     return robot
 
 
+def knees(robot: Robot) -> list[int]:
+    return [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+
+
+def past_straight(hoap2: Robot, hip: float) -> Robot:
+    """Return a robot that stands at zero with its knees bent backwards by twice ``hip`` [rad]."""
+    text = hoap2.path.read_text()
+    for joint, turn in (("hip_pitch", hip), ("knee(?:_pitch)?", -2.0 * hip), ("ankle_pitch", hip)):
+        pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
+        text = on_both_legs(text, pattern, rf"\g<1>0 {turn} 0")
+    return Robot.load(text, base="floating")
+
+
 def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> None:
     """Places of feet, trunk and CoM by Pinocchio."""
     walker = Walker(straight)
@@ -46,9 +59,7 @@ def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> 
     assert ahead.com[0][2] == pytest.approx(walker.gait.height, abs=2e-3)
     assert ahead.com[0][2] < behind.com[0][2] - 5e-3
     angles = straight.limits.joint_positions(q)
-    for k, name in enumerate(straight.limits.names):
-        if "knee" in name:
-            assert angles[k] > 0.3  # not the way that has 0.4 rad only
+    assert (angles[knees(straight)] > 0.3).all()  # not the way that has 0.4 rad only
     assert (angles <= straight.limits.upper).all() and (angles >= straight.limits.lower).all()
 
 
@@ -62,8 +73,7 @@ def test_knees_without_a_range_bend_ahead(hoap2: Robot, axis: int) -> None:
     robot = Robot.load(text, base="floating")
     start = robot.snapshot(robot.posture("standing"))
     q = walking_posture(start, Walker(robot).gait.height)
-    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
-    assert (axis * robot.limits.joint_positions(q)[knees] > 0.3).all()
+    assert (axis * robot.limits.joint_positions(q)[knees(robot)] > 0.3).all()
 
 
 @pytest.mark.parametrize("axis", [1, -1])
@@ -78,38 +88,29 @@ def test_knees_with_as_much_range_on_both_sides_are_given_one(hoap2: Robot, axis
     text = on_both_legs(hoap2.path.read_text(), pattern, turned)
     robot = Robot.load(text, base="floating")
     limits = knees_one_way(robot).limits
-    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
-    ends = np.sort(axis * np.array((limits.lower[knees], limits.upper[knees])), axis=0)
+    bent = knees(robot)
+    ends = np.sort(axis * np.array((limits.lower[bent], limits.upper[bent])), axis=0)
     np.testing.assert_allclose(ends, [[0.0, 0.0], [2.0, 2.0]], atol=0.07)
-    others = np.delete(np.arange(len(limits.names)), knees)
+    others = np.delete(np.arange(len(limits.names)), bent)
     np.testing.assert_array_equal(limits.lower[others], robot.limits.lower[others])
 
 
 def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> None:
     """As a RoboCup robot's at zero: its weight held such knees at their limits as it walked."""
-    text = hoap2.path.read_text()
-    for joint, turned in (("hip_pitch", 0.25), ("knee(?:_pitch)?", -0.5), ("ankle_pitch", 0.25)):
-        pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
-        text = on_both_legs(text, pattern, rf"\g<1>0 {turned} 0")
-    robot = Robot.load(text, base="floating")
+    robot = past_straight(hoap2, 0.25)
     start = robot.snapshot(robot.posture("standing"))
     legs = Legs.of(robot)
     assert legs.hip_height < STRETCH * legs.length  # which is how straight legs were told
     assert bent_backwards(start) and not bent_backwards(hoap2.snapshot(hoap2.posture("standing")))
     height = Walker(robot).gait.height
     q = walking_posture(start, height)
-    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
-    assert (robot.limits.joint_positions(q)[knees] > 0.5 + 0.2).all()  # 0.5 is straight
+    assert (robot.limits.joint_positions(q)[knees(robot)] > 0.5 + 0.2).all()  # 0.5 is straight
     assert robot.snapshot(q).com[2] == pytest.approx(height, abs=2e-3)
 
 
 def test_knees_a_little_past_straight_bend_before_the_robot_sinks(hoap2: Robot) -> None:
     """Asked to sink at once it leant back, seven times as far; a Kuavo (MJCF) by 0.5 rad."""
-    text = hoap2.path.read_text()
-    for joint, turned in (("hip_pitch", 0.05), ("knee(?:_pitch)?", -0.1), ("ankle_pitch", 0.05)):
-        pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
-        text = on_both_legs(text, pattern, rf"\g<1>0 {turned} 0")
-    robot = Robot.load(text, base="floating")
+    robot = past_straight(hoap2, 0.05)
     walker = Walker(robot)
     plant, tilt = Plant(robot, dt=walker.dt), 0.0
     plant.reset(robot.posture("standing"))
@@ -133,10 +134,9 @@ def test_legs_that_telescope_walk(hoap2: Robot, beyond: float) -> None:
     start = robot.snapshot(robot.posture("standing"))
     height = Walker(robot).gait.height
     q = walking_posture(start, height)
-    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
     assert height < start.com[2] - 5e-3
     if not beyond:
-        assert (robot.limits.joint_positions(q)[knees] < -5e-3).all()
+        assert (robot.limits.joint_positions(q)[knees(robot)] < -5e-3).all()
         assert robot.snapshot(q).com[2] == pytest.approx(height, abs=2e-3)
 
 

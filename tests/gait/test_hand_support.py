@@ -4,6 +4,7 @@ import copy
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,6 +50,17 @@ def shoulder_roll(start: Snapshot) -> np.ndarray:
 
 def velocities(start: Snapshot) -> KinematicController:
     return KinematicController(start.robot, [PostureTask(start.robot, start.q)], contacts=())
+
+
+def hand_support(
+    start: Snapshot, led: Any = None, hands: Any = (LEFT,), walls: Any = None, settings: Any = None
+) -> HandSupport:
+    walls = [wall_at(0.5)] if walls is None else walls
+    return HandSupport(led or controller(start), start, hands, walls, settings)
+
+
+def against_a_wall(start: Snapshot, frame: str, **other: Any) -> PointContact:
+    return PointContact.hold(start, frame, normal=(0, -1, 0), **other)
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, -1, 0), (1, 2, -0.5), (0, 0, -1)])
@@ -103,7 +115,7 @@ def test_walls_that_cannot_be_leant_on_are_refused(
     start: Snapshot, distance: float, said: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=said):
-        HandSupport(controller(start), start, [LEFT], [wall_at(distance)])
+        hand_support(start, walls=[wall_at(distance)])
 
 
 @pytest.mark.parametrize("height", [-2.0, 5.0])
@@ -128,73 +140,40 @@ MISTAKES: dict[str, tuple[Callable[[Snapshot], object], str]] = {
     "no normal": (lambda s: Wall(np.zeros(3), (0, 0, 0)), "normal: needs some length"),
     "no width": (lambda s: Wall(np.zeros(3), (0, 1, 0), (1, 0)), "size: must be positive"),
     "ice": (lambda s: Wall(np.zeros(3), (0, 1, 0), friction=0.0), "friction: must be greater than"),
-    "no walls": (lambda s: HandSupport(controller(s), s, [LEFT], []), "there are none"),
-    "a hand's name": (
-        lambda s: HandSupport(controller(s), s, [LEFT.frame], [wall_at(0.5)]),
-        r"support, hands: expected a list of Hand objects, such as \[Hand\(.*in the list is 'l",
-    ),
-    "one hand": (
-        lambda s: HandSupport(controller(s), s, LEFT, [wall_at(0.5)]),
-        "support, hands: expected a list of Hand objects",
-    ),
-    "a hand twice": (
-        lambda s: HandSupport(controller(s), s, [LEFT, Hand(LEFT.frame, 0.02)], [wall_at(0.5)]),
-        "support, hands: 'left_rubber_hand' is named twice",
-    ),
-    "settings by name": (
-        lambda s: HandSupport(controller(s), s, [LEFT], [wall_at(0.5)], {"begin": 0.01}),
-        r"settings: expected a LeanSettings, .* got \{'begin'",
-    ),
-    "velocities": (
-        lambda s: HandSupport(velocities(s), s, [LEFT], [wall_at(0.5)]),
-        "expected a TorqueController.*got KinematicController",
-    ),
-    "no controller": (
-        lambda s: HandSupport(None, s, [LEFT], [wall_at(0.5)]),
-        "expected a TorqueController.*got None",
-    ),
-    "a posture": (
-        lambda s: HandSupport(controller(s), s, [LEFT], [wall_at(0.5)]).prepare(s.q),
-        r"expected a snapshot of g1.*got array",
-    ),
-    "a sole": (
-        lambda s: HandSupport(controller(s), s, [Hand("left_sole")], [wall_at(0.5)]),
-        "hand 'left_sole': is on the leg of g1's foot 'left'",
-    ),
-    "a sole in the physics": (
-        lambda s: Plant(s.robot, hands=[Hand("left_sole")]),
-        "hand 'left_sole': is on the leg",
-    ),
-    "a name in the physics": (
-        lambda s: Plant(s.robot, hands=[LEFT.frame]),
-        "plant, hands: expected a list of Hand objects",
-    ),
-    "a hand twice in the physics": (
-        lambda s: Plant(s.robot, hands=[LEFT, LEFT]),
-        "plant, hands: 'left_rubber_hand' is named twice",
-    ),
+    "no walls": (lambda s: hand_support(s, walls=[]), "there are none"),
+    "a hand's name": (lambda s: hand_support(s, hands=[LEFT.frame]), "support, hands: expected a "
+                      r"list of Hand objects, such as \[Hand\(.*in the list is 'l"),
+    "one hand": (lambda s: hand_support(s, hands=LEFT), "hands: expected a list of Hand objects"),
+    "a hand twice": (lambda s: hand_support(s, hands=[LEFT, Hand(LEFT.frame, 0.02)]),
+                     "support, hands: 'left_rubber_hand' is named twice"),
+    "settings by name": (lambda s: hand_support(s, settings={"begin": 0.01}),
+                         r"settings: expected a LeanSettings, .* got \{'begin'"),
+    "velocities": (lambda s: hand_support(s, velocities(s)),
+                   "expected a TorqueController.*got KinematicController"),
+    "no controller": (lambda s: HandSupport(None, s, [LEFT], [wall_at(0.5)]),
+                      "expected a TorqueController.*got None"),
+    "a posture": (lambda s: hand_support(s).prepare(s.q), r"expected a snapshot of g1.*got array"),
+    "a sole": (lambda s: hand_support(s, hands=[Hand("left_sole")]),
+               "hand 'left_sole': is on the leg of g1's foot 'left'"),
+    "a sole in the physics": (lambda s: Plant(s.robot, hands=[Hand("left_sole")]),
+                              "hand 'left_sole': is on the leg"),
+    "a name in the physics": (lambda s: Plant(s.robot, hands=[LEFT.frame]),
+                              "plant, hands: expected a list of Hand objects"),
+    "a hand twice in the physics": (lambda s: Plant(s.robot, hands=[LEFT, LEFT]),
+                                    "plant, hands: 'left_rubber_hand' is named twice"),
     "one wall": (lambda s: Terrain(walls=wall_at(0.5)), "terrain, walls: expected a list of Wall"),
-    "a wall's values": (
-        lambda s: Terrain(walls=[{"point": (0, 1, 1)}]),
-        "terrain, walls: expected a list of Wall objects.*in the list is {'point'",
-    ),
-    "a normal without a cone": (
-        lambda s: PointContact.hold(s, LEFT.frame, normal=(0, -1, 0), friction=None),
-        "normal: without friction.*has no effect",
-    ),
-    "a normal of the base": (
-        lambda s: PointContact.hold(s, "base", normal=(0, -1, 0)),
-        "'base', normal: what holds the base also pulls",
-    ),
+    "a wall's values": (lambda s: Terrain(walls=[{"point": (0, 1, 1)}]), "terrain, walls: expected "
+                        "a list of Wall objects.*in the list is {'point'"),
+    "a normal without a cone": (lambda s: against_a_wall(s, LEFT.frame, friction=None),
+                                "normal: without friction.*has no effect"),
+    "a normal of the base": (lambda s: against_a_wall(s, "base"),
+                             "'base', normal: what holds the base also pulls"),
     "a normal that loses its cone": (
-        lambda s: setattr(PointContact.hold(s, LEFT.frame, normal=(0, -1, 0)), "friction", None),
-        "normal: without friction.*has no effect",
-    ),
-    "a wall that looks away": (
-        lambda s: HandSupport(controller(s), s, [LEFT], [RAIL_AWAY]),
-        "the CoM is 0.50 m behind wall 0 at the start; its normal points at the robot",
-    ),
-}
+        lambda s: setattr(against_a_wall(s, LEFT.frame), "friction", None),
+        "normal: without friction.*has no effect"),
+    "a wall that looks away": (lambda s: hand_support(s, walls=[RAIL_AWAY]), "the CoM is 0.50 m "
+                               "behind wall 0 at the start; its normal points at the robot"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
@@ -350,14 +349,3 @@ def test_a_push_on_the_last_footstep_takes_further_steps(g1_27: Robot) -> None:
     plant.push("torso_link", (0.0, -100.0, 0.0), start=plant.time + 0.15, duration=0.1)
     simulated(walker, plant, 2)
     assert len(walker.landings) == 4
-
-
-def test_footsteps_are_not_taken_from_another_robot(g1_27: Robot, hoap2: Robot) -> None:
-    walker, other = Walker(hoap2), g1_27
-    snapshot = other.snapshot(other.posture("standing"))
-    with pytest.raises(InvalidInputError, match="expected a snapshot"):
-        walker.follow([Footstep("left", 0.0, 0.1)], snapshot)
-
-
-def test_they_are_public() -> None:
-    assert {"Footstep", "Landing"} <= set(wbc.gait.__all__)

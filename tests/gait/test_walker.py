@@ -258,9 +258,11 @@ def test_who_stands_over_an_edge_does_not_tip_over_it(g1: Robot) -> None:
 
 
 def test_a_tick_of_another_robot_is_refused(g1_27: Robot, hoap2: Robot) -> None:
-    walker = wbc.gait.Walker(hoap2)
+    walker, there = wbc.gait.Walker(hoap2), g1_27.snapshot(g1_27.posture("standing"))
     with pytest.raises(InvalidInputError, match="expected a snapshot"):
-        walker.step(g1_27.snapshot(g1_27.posture("standing")))
+        walker.step(there)
+    with pytest.raises(InvalidInputError, match="expected a snapshot"):
+        walker.follow([wbc.gait.Footstep("left", 0.0, 0.1)], there)
 
 
 @pytest.mark.slow
