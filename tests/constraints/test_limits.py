@@ -91,15 +91,6 @@ def test_bounded_braking_joint_by_joint(robot: Robot, rng) -> None:
     assert kept > 50 and forced > 50
 
 
-def test_without_a_velocity_the_speeding_up_bound_is_that_of_rest(robot: Robot) -> None:
-    limits = Limits(robot, acceleration=1.0)
-    q = at(robot, np.zeros(robot.nv - 6) + 1e-3)
-    given = limits.box(robot.snapshot(q), DT)
-    at_rest = limits.box(robot.snapshot(q, np.zeros(robot.nv)), DT)
-    np.testing.assert_array_equal(given, at_rest)
-    assert (np.abs(given)[:, 6:] <= 1.0 * DT + 1e-12).all()
-
-
 def test_velocity_and_base_twist(robot: Robot) -> None:
     twist = np.arange(1.0, 7.0)
     limits = Limits(robot, velocity=0.5, acceleration=np.inf, base_twist=twist)

@@ -158,16 +158,10 @@ def test_derived_kind_of_task_is_what_it_is_derived_from(hoap2, here) -> None:
 def test_pose_task_damped_by_nothing_is_not_damped(hoap2, here) -> None:
     """A whole pose leaves no curvature out, whoever works it out: lm_damping alone is added."""
     goal = here.position("left_hand") + [0.02, 0.01, 0.03]
-    found = [
-        KinematicController(
-            hoap2,
-            [PoseTask(hoap2, "left_hand", goal, here.rotation("left_hand"), lm_damping=damping)],
-            contacts=(),
-        )
-        .step(here)
-        .velocity
-        for damping in (0.0, 1e-12)
-    ]
+    found = []
+    for damping in (0.0, 1e-12):
+        task = PoseTask(hoap2, "left_hand", goal, here.rotation("left_hand"), lm_damping=damping)
+        found.append(KinematicController(hoap2, [task], contacts=()).step(here).velocity)
     np.testing.assert_allclose(*found, atol=1e-5)
 
 

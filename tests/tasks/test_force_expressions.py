@@ -119,18 +119,6 @@ def test_torques_are_inverse_dynamics(tick: Tick, here: Snapshot, hoap2: Robot, 
                                tau[6:][[4]] - 2.0, atol=1e-9 * size)  # fmt: skip
 
 
-def test_commands_leave_nothing_on_the_base(here: Snapshot, hoap2: Robot) -> None:
-    """To rounding, whatever the solver left: the base's velocity is the one of its dynamics."""
-    contacts = [Contact.hold(here, f"{side}_sole") for side in ("left", "right")]
-    tasks = [PostureTask(hoap2, hoap2.posture("standing"))]
-    found = TorqueController(hoap2, tasks, contacts=contacts, dt=DT).step(here)
-    tau = inverse_dynamics(SimpleNamespace(v=found.velocity, wrenches=found.forces), here)
-    size = np.abs(tau).max()
-    np.testing.assert_allclose(tau[:6], 0.0, atol=1e-9 * size)
-    inside = np.clip(tau[6:], -hoap2.limits.effort, hoap2.limits.effort)
-    np.testing.assert_allclose(found.torque, inside, atol=1e-9 * size)
-
-
 def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, hoap2: Robot, rng) -> None:
     target = rng.normal(size=6)
     for frame in FRAMES:

@@ -56,13 +56,6 @@ def test_a_load_is_shared_as_asked(name: str, solver: str, robot_named: Load) ->
     assert loads[0] == pytest.approx(loads[1], rel=1e-3)
 
 
-def test_shares_of_a_contact_that_is_none_are_left_out(g1: Robot, here: Snapshot) -> None:
-    share = wbc.LoadShareTask(g1, dict.fromkeys(FEET, 1.0), weight=100.0)
-    controller = controlled(here, share, contacts=wbc.support(here, "left"))
-    tick = controller.step(here)
-    assert tick.ok and not tick.errors["load share"].any()
-
-
 def test_a_wanted_wrench_is_met(g1: Robot, here: Snapshot) -> None:
     """Soles pressing apart by 20 N are internal forces: nothing moves for them."""
     press = wbc.ContactForceTask(
@@ -180,24 +173,6 @@ def test_priorities_are_strict(g1: Robot, here: Snapshot) -> None:
     assert loads[0] / sum(loads) == pytest.approx(0.6, abs=1e-3)
     only_below = tick_with(here, share, tasks=motion)
     assert np.linalg.norm(tick.torque) < np.linalg.norm(only_below.torque)
-
-
-def test_contacts_that_are_none_bear_nothing(g1: Robot, here: Snapshot) -> None:
-    press = wbc.ContactForceTask(g1, "right_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
-    aim = wbc.CopTask(g1, [0.0, 0.0], frame="right_sole")
-    tick = controlled(here, press, aim, contacts=wbc.support(here, "left")).step(here)
-    assert tick.ok
-    assert tick.errors["right_sole force"] == pytest.approx([-50.0])
-    assert not tick.errors["right_sole cop"].any()
-
-
-def test_grips_have_wrenches_in_world_axes(g1: Robot, here: Snapshot) -> None:
-    hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
-    grip = wbc.Contact.hold(here, hand, friction=None)
-    pull = wbc.ContactForceTask(g1, hand, [5.0, 1.0, 12.0, 0.1, 0.2, 0.3], weight=100.0)
-    tick = tick_with(here, pull, contacts=[*wbc.support(here, "double"), grip])
-    np.testing.assert_allclose(tick.forces[hand], pull.target, atol=0.05)
-    np.testing.assert_allclose(tick.errors[pull.name], tick.forces[hand] - pull.target, atol=1e-9)
 
 
 def test_the_kinematic_controller_refuses_them_by_name(g1: Robot, here: Snapshot) -> None:

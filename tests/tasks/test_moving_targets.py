@@ -8,7 +8,6 @@ thousands in places: 2e-5 relative.
 """
 
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -240,14 +239,6 @@ def test_damping_is_about_the_velocity_itself(robot: Robot, rng, random_snapshot
     np.testing.assert_array_equal(residual.jacobian @ a + task.drift(here), a[kept])
     np.testing.assert_array_equal(task.deviation(here, residual), here.v[kept])
     assert task.units == ("m/s or rad/s",) * (robot.nv - 1)
-
-
-def test_damping_asks_for_no_posture(robot: Robot) -> None:
-    """Its error is zero in any, of which one joint is as good as all."""
-    task = DampingTask(robot, base=False)
-    for angle in (0.7, 0.0):
-        error = task.symbolic_error(SimpleNamespace(joints=np.array([angle])))
-        np.testing.assert_array_equal(error, np.zeros(robot.nv - 6))
 
 
 def test_either_motion_of_a_target_may_be_given_alone(hoap2) -> None:
