@@ -62,19 +62,6 @@ def test_cop_and_moment_that_made_the_push_are_found(rng, height: float) -> None
     np.testing.assert_array_equal(found[3], centre_of_pressure(com[3], force[3], moment[3], height))
 
 
-def test_cop_formula_as_printed_in_theory(rng: np.random.Generator) -> None:
-    """p = n x (k' + c x f) / (n . f), with cross products; ground through the origin."""
-    com, force = pushes(rng, 30)
-    moment = 20.0 * rng.normal(size=(30, 3))
-    n = np.array([0.0, 0.0, 1.0])
-    expected = np.cross(n, moment + np.cross(com, force)) / (force @ n)[:, None]
-    found = centre_of_pressure(com, force, moment)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-    expected_moment = (moment + np.cross(com - expected, force)) @ n
-    found_moment = normal_moment(com, force, moment, found)
-    np.testing.assert_allclose(found_moment, expected_moment, rtol=0, atol=1e-10)
-
-
 def test_cmp_is_on_the_ground_and_on_the_line_of_force(rng: np.random.Generator) -> None:
     com, force = pushes(rng, 30)
     found = centroidal_moment_pivot(com, force, 0.3)

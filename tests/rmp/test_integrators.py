@@ -9,7 +9,6 @@ from benchmarks.rmp_steps import Springs, energy_momentum, rollout, runge_kutta
 from wbc.errors import InvalidInputError
 from wbc.rmp import integrators
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
-from wbc.validate import Array
 
 M, G = 20.0, 9.81
 SOLID, ANGLES = SolidRmp(M, G), EulerSolidRmp(M, G)
@@ -80,43 +79,3 @@ def test_masses_let_go_fly_along_straight_lines(make, order: int) -> None:  # ty
     ratios = np.array(errors[:-1]) / errors[1:]
     # Within a fifth of 2^order: the next order's share at these steps.
     np.testing.assert_allclose(ratios, 2.0**order, rtol=0.2)
-
-
-def driven_inputs(count: int) -> Array:
-    """CoP accelerations, leg torques and force, torques and pushes on the masses."""
-    rng = np.random.default_rng(12)
-    size = np.array((1, 1, 5, 5, 40, 2, 2, 2, 4, 4, 4))
-    return np.asarray(np.repeat(rng.normal(size=(4, 11)) * size, count // 4, axis=0))
-
-
-def test_all_steps_agree_on_a_driven_motion() -> None:
-    """Every input at work, the CoP too: Runge and Kutta's fine solution is the reference."""
-    u = driven_inputs(4000)
-    fine = rollout(runge_kutta(SOLID, 1e-4, SPRINGS), TUMBLING, u, 4000)[-1]
-    errors = []
-    for count in (400, 800):
-        step = energy_momentum(SOLID, 0.4 / count, SPRINGS)
-        end = rollout(step, TUMBLING, driven_inputs(count), count)[-1]
-        errors.append(np.abs(end - fine).max())
-    assert errors[-1] < 1e-3
-    assert 3.8 < errors[0] / errors[1] < 4.2
-
-
-def test_energy_changes_by_the_work_done() -> None:
-    """Leg force, torques on the masses and pushes, over one long step: exact, not to some order."""
-    step = energy_momentum(SOLID, 0.01, SPRINGS)
-    u = np.array((0, 0, 0, 0, 50.0, 2.0, -3.0, 1.0, 6.0, -4.0, 5.0))
-    before, after = rollout(step, TUMBLING, u, 1)
-
-    def moments(x: Array) -> Array:
-        return M / 3 * (np.sum(x[9:12] ** 2) - x[9:12] ** 2)
-
-    def energy(x: Array) -> float:
-        return sum(SOLID.energies(x[:12], x[12:])) + float(SPRINGS.energy(SOLID, x[:12]))
-
-    I0, I1 = moments(before), moments(after)
-    turned = 0.01 * (1 / I0 + 1 / I1) / 2 * (I0 * before[17:20] + I1 * after[17:20]) / 2
-    work = 50.0 * (after[4] - before[4]) + u[5:8] @ turned + u[8:] @ (after - before)[9:12]
-    # Rounding of energies of some 300 J.
-    assert abs(energy(after) - energy(before) - work) < 1e-11
-    assert abs(work) > 0.01

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import LawBounds, PendulumCommand
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.record import Ending
-from wbc.rmp.balance.simulate import Blow, simulate
+from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
@@ -134,18 +134,6 @@ def test_it_holds_with_wrong_mass_and_inertia(
     assert abs(end[leg.stop] - q0[leg.stop]) < 0.012
     # Rounding of the CoP when at its edge.
     assert run.cop_violation < (1e-9 if foot else 1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", ["planar point", "solid point", "planar foot", "solid foot"])
-def test_it_recovers_from_a_push_to_where_it_was(case: str) -> None:
-    law = CASES[case]()
-    impulse = (2.0, 0.5) if "planar" in case else (2.0, -1.0, 0.5)
-    still = np.zeros(len(law.model.V))
-    run = simulate(law, law.q0, still, 8.0, dt=4e-3, pushes=[Blow(0.5, impulse)], bounds=law.bounds)
-    assert run.ending is Ending.COMPLETE
-    assert np.abs(law.state(run.q[150], run.v[150])).max() > 0.02
-    assert np.abs(law.state(run.q[-1], run.v[-1])).max() < 1e-3
 
 
 def test_state_is_the_rotation_and_the_rates_in_the_axes_at_rest() -> None:

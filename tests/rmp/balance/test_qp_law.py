@@ -205,12 +205,6 @@ def test_another_mass_than_believed_makes_no_difference_but_in_height(mass: floa
         np.testing.assert_allclose(run.com()[0][-1], (0.0, 0.0, 0.7), atol=0.01)
 
 
-def test_nothing_is_survived_far_beyond_the_bound() -> None:
-    law, limits = body("g1")
-    found = recover(law, 1.2 * limits.wheel[1] * limits.directions[1])
-    assert not found.survived
-
-
 @pytest.mark.slow
 def test_bisection_finds_the_bound_along_the_axes_whichever_way() -> None:
     """Single runs beyond the bound are luck: mirror images once gave 17.06 and 17.99 N s."""
