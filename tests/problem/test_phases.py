@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.problem.loading import problem_of
-from wbc.problem import Problem, Result, RunStatus, load_problem
+from wbc.problem import Problem, Result, RunStatus
 from wbc.robot import Robot
 
 # A step: over the right foot, the left one up, and down again 2 cm further forward.
@@ -276,8 +276,7 @@ def test_a_task_that_comes_in_is_not_said_to_do_nothing(
     tmp_path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Its ramp begins near 0: each such task of a problem was warned of in Python's log."""
-    path = tmp_path / "p.yaml"
-    path.write_text(
+    text = (
         "robot: hoap2_like\nsupport: double\n"
         "tasks:\n"
         "  com: {type: com, target: start, weight: 10}\n"
@@ -287,5 +286,5 @@ def test_a_task_that_comes_in_is_not_said_to_do_nothing(
         "  wait: {duration: 0.02}\n"
         "  reach: {duration: 0.02, tasks: {hand: {active: true}}}\n"
     )
-    assert not load_problem(path).run().failures
+    assert not problem(tmp_path, text=text).run().failures
     assert "weight" not in caplog.text

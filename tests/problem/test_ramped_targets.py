@@ -59,9 +59,10 @@ SPECS: dict[str, TaskSpec] = {
 @pytest.mark.parametrize("kind", SPECS)
 def test_ramps_hand_on_rate_and_acceleration(kind: str, hoap2) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
-    one = SPECS[kind].build(kind, start)
-    here = one.current(start)
-    moving = MovingTarget(MinimumJerk(here, one.goal(start, here), 2.0, one.space), one.set_target)
+    assert SPECS[kind].build(kind, start).moving(start) is None
+    one = SPECS[kind].model_copy(update={"ramp": 2.0}).build(kind, start)
+    moving = one.moving(start)
+    assert moving is not None and "ramp" in type(SPECS[kind]).model_fields
 
     def error(t: float) -> np.ndarray:
         moving.move_to(t)
@@ -77,17 +78,6 @@ def test_ramps_hand_on_rate_and_acceleration(kind: str, hoap2) -> None:
         np.testing.assert_allclose(one.task.drift(start), second, atol=1e-4 * max(scale, 1.0))
     moving.move_to(9.0)
     assert not one.task.residual(start).bias.any()
-
-
-@pytest.mark.parametrize("kind", [kind for kind in SPECS if "momentum" not in kind])
-def test_every_target_may_ramp(kind: str, hoap2) -> None:
-    """Of frames only positions could, and "ramp" was an unknown key of all others."""
-    start = hoap2.snapshot(hoap2.posture("standing"))
-    spec = SPECS[kind]
-    moving = spec.model_copy(update={"ramp": 2.0}).build(kind, start).moving(start)
-    assert "ramp" in type(spec).model_fields
-    assert moving is not None and moving.course.duration == 2.0
-    assert spec.build(kind, start).moving(start) is None
 
 
 def test_a_loop_with_a_ramp_is_refused(hoap2) -> None:
