@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.motion import Motion, RecordingError, analyze, read_motion
+from wbc.motion import RecordingError, analyze, read_motion
 from wbc.motion.forces import WRENCH, MeasuredForces
 from wbc.motion.table import BASE
 
@@ -59,14 +59,6 @@ def test_forces_of_a_csv_file_are_those_of_the_npz_file(hoap2: wbc.Robot, tmp_pa
         np.testing.assert_allclose(read.wrenches[foot], wrench)
     some = read_motion(file, hoap2, ignore=["forces/left_sole/fz*"]).forces
     assert some is not None and list(some.wrenches) == ["right"]
-
-
-def test_ground_without_forces_is_that_of_the_motion(hoap2: wbc.Robot) -> None:
-    time, q, _ = standing(hoap2)
-    series = analyze(Motion(hoap2, time, q[:, 7:], q[:, :7]))
-    assert not series.measured
-    com = hoap2.snapshot(hoap2.posture("standing")).com
-    np.testing.assert_allclose(series.cop[:, :2], np.tile(com[:2], (ROWS, 1)), atol=1e-6)
 
 
 def test_foot_in_the_air_has_no_force(hoap2: wbc.Robot, tmp_path: Path) -> None:

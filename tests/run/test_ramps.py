@@ -54,13 +54,6 @@ def test_it_rests_before_and_after_and_ends_exactly() -> None:
     assert (RAMP.at(1.7)[0] == RAMP.end).all()
 
 
-def test_it_never_overshoots() -> None:
-    path = np.array([RAMP.at(t)[0][0] for t in np.linspace(0, 1.7, 200)])
-    assert (np.diff(path) >= 0.0).all()
-    assert path.min() == 1.0
-    assert path.max() == 3.0
-
-
 ROBOT = Robot.load("hoap2_like")
 
 

@@ -13,7 +13,7 @@ from wbc.motion import read_motion
 from wbc.problem import load_problem
 from wbc.robot.collision import Capsule, HalfSpace, Hull, Obstacle
 from wbc.run import Result
-from wbc.run.obstacles import ObstacleTrack, obstacles_of, place_of
+from wbc.run.obstacles import ObstacleTrack, place_of
 
 REACH = """\
 robot: hoap2_like
@@ -133,16 +133,10 @@ def test_the_table_is_the_run_and_can_be_read_as_a_motion(
     np.testing.assert_allclose(motion.joints, history.q[:, 7:], rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "obstacle",
-    [
-        Obstacle.sphere("s", (1.0, 2.0, 3.0), 0.2),
-        Obstacle.capsule("c", (0, 0, 0), (0, 0, 1), 0.1),
-        Obstacle.box("b", (0.1, 0.2, 0.3)),
-        Obstacle.half_space("h", (0.0, 3.0, 4.0), -0.5),
-    ],
-    ids=lambda one: one.name,
-)
+@pytest.mark.parametrize("obstacle", [
+    Obstacle.sphere("s", (1.0, 2.0, 3.0), 0.2), Obstacle.capsule("c", (0, 0, 0), (0, 0, 1), 0.1),
+    Obstacle.box("b", (0.1, 0.2, 0.3)), Obstacle.half_space("h", (0.0, 3.0, 4.0), -0.5),
+], ids=lambda one: one.name)  # fmt: skip
 def test_a_track_is_what_its_arrays_say(obstacle: Obstacle) -> None:
     track = ObstacleTrack(obstacle.shape, np.stack([place_of(obstacle)] * 2))
     again = ObstacleTrack.from_arrays(track.arrays())
@@ -152,7 +146,3 @@ def test_a_track_is_what_its_arrays_say(obstacle: Obstacle) -> None:
     kinds: dict[type, Any] = {HalfSpace: "normal", Capsule: "radius", Hull: "radius"}
     name = kinds[type(obstacle.shape)]
     np.testing.assert_allclose(getattr(again.shape, name), getattr(obstacle.shape, name))
-
-
-def test_only_obstacles_are_obstacles() -> None:
-    assert list(obstacles_of([])) == []

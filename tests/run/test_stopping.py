@@ -19,20 +19,17 @@ def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
     assert not any(never.at_rest(9.0, 0.0, True) for _ in range(50))
 
 
-@pytest.mark.parametrize(
-    ("stop", "at_rest", "failed", "error", "status", "words"),
-    [
-        ({}, True, 0, 9.0, "converged", "at rest"),
-        ({}, False, 0, 9.0, "timeout", "still moving after 20 s"),
-        ({"speed": None}, False, 0, 9.0, "completed", "ran for 20 s"),
-        ({"accept": {"t": 1.0}}, True, 0, 0.5, "converged", "every tolerance met"),
-        ({"accept": {"t": 1.0}}, False, 0, 0.5, "accepted", "still moving"),
-        ({"accept": {"t": 1.0}}, True, 0, 2.0, "not_reached", "t (error 2, tolerance 1)"),
-        ({"accept": {"t": 1.0}}, False, 0, 2.0, "not_reached", "still moving after 20 s"),
-        ({"accept": {"t": 1.0}}, True, 0, float("nan"), "not_reached", "error nan"),
-        ({"accept": {"t": 1.0}}, True, 3, 0.5, "qp_failed", "3 of 9 ticks"),
-    ],
-)
+@pytest.mark.parametrize(("stop", "at_rest", "failed", "error", "status", "words"), [
+    ({}, True, 0, 9.0, "converged", "at rest"),
+    ({}, False, 0, 9.0, "timeout", "still moving after 20 s"),
+    ({"speed": None}, False, 0, 9.0, "completed", "ran for 20 s"),
+    ({"accept": {"t": 1.0}}, True, 0, 0.5, "converged", "every tolerance met"),
+    ({"accept": {"t": 1.0}}, False, 0, 0.5, "accepted", "still moving"),
+    ({"accept": {"t": 1.0}}, True, 0, 2.0, "not_reached", "t (error 2, tolerance 1)"),
+    ({"accept": {"t": 1.0}}, False, 0, 2.0, "not_reached", "still moving after 20 s"),
+    ({"accept": {"t": 1.0}}, True, 0, float("nan"), "not_reached", "error nan"),
+    ({"accept": {"t": 1.0}}, True, 3, 0.5, "qp_failed", "3 of 9 ticks"),
+])  # fmt: skip
 def test_what_an_end_is_called(
     stop: dict[str, Any], at_rest: bool, failed: int, error: float, status: str, words: str
 ) -> None:

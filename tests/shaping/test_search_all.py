@@ -192,15 +192,15 @@ def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None
 
 def test_unusable_numbers_are_refused(hoap2) -> None:
     shaping, q = shaping_of(hoap2), hoap2.posture()
-    with pytest.raises(InvalidInputError, match="starts: must be at least 1"):
-        shaping.solve(q, 0)
-    with pytest.raises(InvalidInputError, match="workers: must be at least 1"):
-        shaping.solve(q, workers=0)
-    with pytest.raises(InvalidInputError, match="seconds: must be greater than 0"):
-        shaping.solve(q, seconds=0.0)
-    with pytest.raises(InvalidInputError, match="seed: must be at least 0"):
-        shaping.solve(q, seed=-1)
-    with pytest.raises(InvalidInputError, match=r"starts: expected a whole number, got 2\.5"):
-        shaping.solve(q, 2.5)  # type: ignore[arg-type]
+    for name, value, words in (
+        ("starts", 0, "must be at least 1"),
+        ("workers", 0, "must be at least 1"),
+        ("patience", 0, "must be at least 1"),
+        ("seconds", 0.0, "must be greater than 0"),
+        ("seed", -1, "must be at least 0"),
+        ("starts", 2.5, r"expected a whole number, got 2\.5"),
+    ):
+        with pytest.raises(InvalidInputError, match=f"{name}: {words}"):
+            shaping.solve(q, **{name: value})
     with pytest.raises(InvalidInputError, match="shape"):
         shaping.solve(q[:-1])

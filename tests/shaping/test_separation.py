@@ -297,13 +297,6 @@ def test_a_search_that_ran_out_of_time_says_so(hoap2, monkeypatch) -> None:
 
 
 def test_what_the_search_cannot_keep_is_refused(hoap2) -> None:
-    ball = Obstacle.sphere("ball", [1.0, 0.0, 0.3], 0.1)
-    around = Obstacles(hoap2, [ball])
-    shaping = shaping_of(hoap2, [small(hoap2)], around)
-    ball.move(np.eye(3), [1.0, 0.0, 0.0], velocity=[0.1, 0.0, 0.0])
-    with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
-        shaping.solve(hoap2.posture(), 1, workers=1)
-
     class Unknown(Constraint):
         name = "mine"
 
