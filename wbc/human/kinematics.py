@@ -22,6 +22,9 @@ IN_SUBTREE = np.eye(len(SEGMENTS), dtype=bool)
 for _k, _segment in enumerate(SEGMENTS[1:], 1):
     IN_SUBTREE[:, _k] |= IN_SUBTREE[:, _segment.parent]
 HINGE_SEGMENTS = np.array([k for k, s in enumerate(SEGMENTS) for _ in s.hinges])
+HINGE_AXES = np.array([hinge.axis for hinge in HINGES])  # (h, 3), unit vectors
+_CROSS = skews(HINGE_AXES)
+_CROSS_TWICE = _CROSS @ _CROSS
 BASE_DOFS = 6
 DOFS = BASE_DOFS + len(HINGES)
 
@@ -73,6 +76,12 @@ def rotations(vectors: Array) -> Array:
     return np.asarray(np.eye(3) + first * K + second * (K @ K))
 
 
+def hinge_rotations(angles: Array) -> Array:
+    """Return the rotation matrices (n, h, 3, 3) of the hinges at angles (n, h) [rad]."""
+    angle = angles[:, :, None, None]
+    return np.asarray(np.eye(3) + np.sin(angle) * _CROSS + (1.0 - np.cos(angle)) * _CROSS_TWICE)
+
+
 def forward_kinematics(poses: Poses, dimensions: Array) -> SegmentFrames:
     """Return the poses of the segments of a body with dimensions (12,) [m]."""
     count = len(poses)
@@ -80,14 +89,13 @@ def forward_kinematics(poses: Poses, dimensions: Array) -> SegmentFrames:
     rotation = np.empty((count, len(SEGMENTS), 3, 3))
     origin, axis = np.empty((count, len(SEGMENTS), 3)), np.empty((count, len(HINGES), 3))
     rotation[:, 0], origin[:, 0] = poses.rotation, poses.position
-    number = 0
+    turns, number = hinge_rotations(poses.angles), 0
     for k, segment in enumerate(SEGMENTS[1:], 1):
         R = rotation[:, segment.parent]
         origin[:, k] = origin[:, segment.parent] + R @ offsets[k]
-        for hinge in segment.hinges:
-            direction = np.array(hinge.axis)
-            axis[:, number] = R @ direction
-            R = R @ rotations(poses.angles[:, number, None] * direction)
+        for _ in segment.hinges:
+            axis[:, number] = R @ HINGE_AXES[number]
+            R = R @ turns[:, number]
             number += 1
         rotation[:, k] = R
     return SegmentFrames(rotation, origin, axis)
