@@ -62,13 +62,24 @@ def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:
         np.testing.assert_array_equal(walker.step(here).torque, torque)
 
 
-def test_an_assigned_command_is_refused(hoap2: Robot) -> None:
-    """It took the method's place, and the robot stood."""
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("command", 0.3, r"walker: command is called: walker.command\(0.3\)"),
+        ("velocity", 0.3, r"velocity: expected a Velocity, .*walker.command\(0.3\), got 0.3"),
+        ("wanted", None, "wanted: expected a Velocity"),
+        ("limits", 0.3, "limits: expected a CommandLimits"),
+        ("gait", {"height": 0.2}, "gait cannot be assigned; make another Walker"),
+        ("controller", None, "controller cannot be assigned; make another Walker"),
+    ],
+)
+def test_assigned_attributes_that_would_do_nothing_are_refused(
+    hoap2: Robot, name: str, value: object, told: str
+) -> None:
+    """A number took the place of a method, and the robot stood."""
     walker = wbc.gait.Walker(hoap2)
-    with pytest.raises(
-        InvalidInputError, match=r"walker: command is called: walker.command\(0.3\)"
-    ):
-        walker.command = 0.3  # type: ignore[assignment,method-assign]
+    with pytest.raises(InvalidInputError, match=told):
+        setattr(walker, name, value)
     assert walker.command(0.1).velocity.vx == 0.1
 
 

@@ -216,6 +216,22 @@ def test_a_fallen_robot_lies_on_the_ground() -> None:
     assert total[2] == pytest.approx(9.81 * robot.mass, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("sensors", Sensors(delay=0.002), "sensors cannot be assigned; make another Plant"),
+        ("dt", 0.01, "dt cannot be assigned; make another Plant"),
+        ("terrain", Terrain(), "terrain cannot be assigned; make another Plant"),
+        ("pushs", [], "no attribute 'pushs'; did you mean 'pushes'"),
+    ],
+)
+def test_attributes_assigned_later_that_would_do_nothing_are_refused(
+    name: str, value: object, told: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=told):
+        setattr(Plant(load("hoap2_like")), name, value)
+
+
 def test_a_blow_up_is_an_error_with_time_and_joint() -> None:
     plant = Plant(load("hoap2_like"), saturate=False)
     torque = np.zeros(plant.robot.nv - 6)

@@ -96,6 +96,12 @@ MIN_WEIGHT_SHARE = 0.5
 FRICTION = FrictionCone(facets=8)
 # Methods that are easily mistaken for attributes, and refuse to be assigned.
 METHODS = frozenset(("command", "follow", "step", "prepare"))
+# Kinds of attributes that may be assigned, with what is meant; others that would change nothing.
+KINDS = {
+    "limits": (CommandLimits, "dataclasses.replace(walker.limits, forwards=0.3)"),
+    **dict.fromkeys(("velocity", "wanted"), (Velocity, "Velocity(0.3); or walker.command(0.3)")),
+}
+FIXED = frozenset(("robot", "gait", "controller"))
 
 
 class Walker:
@@ -129,10 +135,8 @@ class Walker:
     ----------
     controller:
         The torque controller; :meth:`prepare` sets its goals.
-    gait, limits:
-        Its settings, which follow the speed where they are not given
-        (:class:`~wbc.gait.pace.Paces`), and largest velocities,
-        :class:`~wbc.gait.command.CommandLimits`.
+    limits:
+        Largest velocities, :class:`~wbc.gait.command.CommandLimits`.
     velocity:
         The present one, which follows the command.
     phase:
@@ -179,13 +183,13 @@ class Walker:
         check_list("constraints", constraints, Constraint)
         self.robot = robot
         given = by_name("walker, gait", {} if gait is None else gait)
-        self.gait = GaitSettings.of(legs, **given)
-        limits_of_legs = CommandLimits.of(legs, self.gait)
+        nominal = GaitSettings.of(legs, **given)
+        limits_of_legs = CommandLimits.of(legs, nominal)
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
         weights = (weights or WalkingWeights()).for_legs(legs)
-        self._planner = StepPlanner(self.gait, limits_of_legs, legs, sole_half_sizes(robot))
+        self._planner = StepPlanner(nominal, limits_of_legs, legs, sole_half_sizes(robot))
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
         self.limits, self._nominal_height = self._paces.limits, self.gait.height
@@ -238,9 +242,10 @@ class Walker:
         def __setattr__(self, name: str, value: object) -> None:
             if name in METHODS:  # walker.command = 0.3 would walk nowhere, in silence
                 raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
-            if name == "limits":
-                example = "dataclasses.replace(walker.limits, forwards=0.3)"
-                check_kind("walker, limits", value, CommandLimits, example)
+            if name in KINDS:
+                check_kind(f"walker, {name}", value, *KINDS[name])
+            elif name in FIXED and "controller" in self.__dict__:
+                raise InvalidInputError(f"walker: {name} cannot be assigned; make another Walker")
             object.__setattr__(self, name, value)
 
     def __copy__(self) -> Self:
@@ -253,6 +258,11 @@ class Walker:
             f"Walker({self.robot.name!r}, {type(self.phase).__name__}, {self.steps} steps,"
             f" v=({vx:.2f}, {vy:.2f}) m/s, {yaw:.2f} rad/s)"
         )
+
+    @property
+    def gait(self) -> GaitSettings:
+        """The present settings, which follow the speed where they are not given."""
+        return self._planner.gait
 
     @property
     def lasting_tasks(self) -> tuple[Task, ...]:
@@ -575,7 +585,7 @@ class Walker:
         pace = self._paces.at(speed)
         if pace.planner is self._planner:
             return
-        self._planner, self.gait = pace.planner, pace.planner.gait
+        self._planner = pace.planner
         self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
         self._whole_body.set_swing_weights(pace.swing, pace.lift)
 

@@ -9,8 +9,9 @@ from copy import deepcopy
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from wbc.attributes import DeclaredAttributes
 from wbc.errors import InvalidInputError
 from wbc.extras import quietly, require
 from wbc.gait.walls import Hand, check_hands
@@ -36,7 +37,7 @@ _STEP_TOLERANCE = 1e-6  # of a control period's number of physics steps, from an
 PERFECT = Sensors()
 
 
-class Plant:
+class Plant(DeclaredAttributes):
     """A robot on its ground: torques in, states and contact forces out.
 
     The physics has the robot's joints, limits, inertias, armature, damping and dry friction (see
@@ -97,6 +98,28 @@ class Plant:
     InvalidInputError
         Hands that are not at the ends of arms; unusable numbers.
     """
+
+    _fixed = dict.fromkeys(
+        ("robot", "dt", "physics_dt", "terrain", "hands", "sensors", "mismatch", "model", "data"),
+        "make another Plant",
+    )
+
+    robot: Robot
+    dt: float
+    physics_dt: float
+    terrain: Terrain
+    hands: tuple[Hand, ...]
+    sensors: Sensors
+    mismatch: ModelMismatch
+    model: Any
+    data: Any
+    states: StateMap
+    pushes: list[Push]
+    wrenches: list[AppliedWrench]
+    saturated: NDArray[np.int64]
+    torque: Array
+    push_force: Array
+    applied: dict[str, Array]
 
     def __init__(
         self,
@@ -198,12 +221,12 @@ class Plant:
             root = self._compiled.bodies[1]
             self.model.body_pos[root] = q[:3]
             self.model.body_quat[root] = q[[6, 3, 4, 5]]
-        self.pushes: list[Push] = []
-        self.wrenches: list[AppliedWrench] = []
+        self.pushes = []
+        self.wrenches = []
         self.saturated = np.zeros(self.robot.nv - BASE_NV, dtype=np.int64)
-        self.torque: Array = np.zeros(self.robot.nv - BASE_NV)
-        self.push_force: Array = np.zeros(3)
-        self.applied: dict[str, Array] = {}
+        self.torque = np.zeros(self.robot.nv - BASE_NV)
+        self.push_force = np.zeros(3)
+        self.applied = {}
         self._contacts: Contacts | None = None
         self._measurements = Measurements(self.robot, self.sensors)
         self._measurement: tuple[tuple[Array, Array] | None] | None = None

@@ -56,6 +56,15 @@ class SensedPlant(Plant):
         Notes of the estimates, without numbers, and their counts.
     """
 
+    _fixed = Plant._fixed | dict.fromkeys(("devices", "estimator"), "make another SensedPlant")
+
+    devices: Devices
+    estimator: StateEstimator
+    sensing: Sensing
+    estimate: Estimate
+    errors: EstimateErrors
+    told: dict[str, int]
+
     def __init__(
         self,
         robot: Robot,
@@ -95,7 +104,7 @@ class SensedPlant(Plant):
         super().reset(q)
         self._truths = deque[tuple[float, Array, Array]](maxlen=MAX_IN_FLIGHT)
         self.sensing, self.errors = Sensing(self, self.devices), EstimateErrors()
-        self.told: dict[str, int] = {}
+        self.told = {}
         self.estimator.reset(q)
         bus, found = self.devices.bus, None
         settling = self.estimator.settings.standing_time + bus.delay + bus.jitter
