@@ -47,6 +47,7 @@ def test_it_walks_and_says_what_was_beyond_the_legs(tmp_path: Path) -> None:
     result = one.simulate()
     assert result.status is SimulationStatus.STOOD
     assert result.arrays["q"][-1, 0] - result.arrays["q"][0, 0] > 0.04
+    assert [note for note in result.notes if note.startswith("commands: after ")]
     assert [note for note in result.notes if "command at 0.9 s: (5, 0) m/s is beyond" in note]
     supports = set(result.run.history.support.tolist())
     assert {"left", "right"} <= supports and len(supports) >= 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError
 from wbc.gait.command import Velocity
+from wbc.gait.phases import in_plane
 from wbc.gait.prescribed_steps import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
@@ -66,6 +68,8 @@ class ScheduledWalk:
         self._steps, walker.coming = walker.coming, ()
         self._step_count, self._tick = len(self._steps), BEFORE_START
         self._pending, self._forces, self._move_world = list(commands), forces, move_world
+        # Where the CoM and the commanded velocities are, from the first command on [m].
+        self._com, self._commanded, self._moves = 0j, 0j, False
         self.standing = self._support()
 
     @property
@@ -75,8 +79,10 @@ class ScheduledWalk:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What limits the legs, which commands were clipped, how far feet landed from footsteps."""
+        """What limits the legs, what was clipped, how near commands and footsteps were met."""
         notes = (*self.walker.notes, *self._clipped)
+        if self._moves:
+            notes = (*notes, describe_way(self._com - self._commanded, self.walker))
         if not self._step_count:
             return notes
         return (*notes, describe_landings(self.walker.landings, self._step_count))
@@ -97,11 +103,17 @@ class ScheduledWalk:
             reason = self.walker.command(*command.velocity).reason
             if reason:
                 self._clipped = (*self._clipped, f"command at {command.at:g} s: {reason}")
+        if not self._moves:
+            self._commanded = in_plane(snapshot.com)
+            self._moves = not self.walker.wanted.at_rest
         self.walker.dt = ticks * dt
         try:
             self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
         finally:
             self.walker.dt = dt
+        vx, vy, _ = self.walker.velocity
+        self._commanded += complex(vx, vy) * cmath.rect(ticks * dt, self.walker.heading)
+        self._com = in_plane(snapshot.com)
         if self.controller.contacts != self.standing.contacts:
             self.standing = self._support()
         return self.controller
@@ -123,6 +135,14 @@ class ScheduledWalk:
         return PhaseSupport.on(
             "", contacts, controller.constraints, controller.limits, controller.slacks.is_hard
         )
+
+
+def describe_way(ahead: complex, walker: Walker) -> str:
+    """Return a note on how far the CoM is from where the commanded velocities lead [m]."""
+    off = ahead * cmath.rect(1.0, -walker.heading)
+    along = f"{abs(off.real):.2f} m {'ahead of' if off.real > 0.0 else 'behind'}"
+    side = f"{abs(off.imag):.2f} m to the {'left' if off.imag > 0.0 else 'right'}"
+    return f"commands: after {walker.steps} steps {along} and {side} of where their speeds lead"
 
 
 def describe_landings(landings: Sequence[Landing], count: int) -> str:
