@@ -2,6 +2,7 @@
 
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +147,7 @@ def test_c3d_with_repeated_point_names_takes_the_first_with_a_note(march: March)
     labels = ["LTOE" if name == "RTOE" else name for name in LABELS]
     _with(path, "POINT", LABELS=labels)
     found = read_markers(path)
-    assert "several points are called LTOE: the first is taken" in found.notes
+    assert "several markers are called LTOE: the first that is seen is taken" in found.notes
     expected = before.positions[:, labels.index("LTOE")]
     np.testing.assert_array_equal(found.positions[:, found.labels.index("LTOE")], expected)
 
@@ -362,15 +363,21 @@ def test_notes_on_plates_of_another_file_are_told(march: March, tmp_path: Path) 
     assert any("force plate 1 was left out: its type is 7" in note for note in notes)
 
 
-def test_trc_with_repeated_names_takes_the_first_with_a_note(tmp_path: Path) -> None:
+@pytest.mark.parametrize("empty", [False, True])
+def test_trc_with_repeated_names_takes_the_first_that_is_seen_with_a_note(
+    empty: bool, tmp_path: Path
+) -> None:
+    """An empty one, left over in the file, hid the marker."""
     path, (recording, _) = tmp_path / "a.trc", recorded(BODY, seconds=0.1)
-    write_trc(path, recording)
+    positions = recording.positions.copy()
+    if empty:
+        positions[1:, recording.labels.index("LTOE")] = np.nan
+    write_trc(path, replace(recording, positions=positions))
     before = read_markers(path)
     path.write_text(path.read_text().replace("RTOE", "LTOE"))
     found = read_markers(path)
-    assert found.notes == ("several markers are called LTOE: the first is taken",)
-    first = min(map(before.labels.index, ("LTOE", "RTOE")))
-    expected = before.positions[:, first]
+    assert found.notes == ("several markers are called LTOE: the first that is seen is taken",)
+    expected = before.positions[:, before.labels.index("RTOE" if empty else "LTOE")]
     np.testing.assert_array_equal(found.positions[:, found.labels.index("LTOE")], expected)
     assert len(found.labels) == len(before.labels) - 1
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, listed
 from wbc.human.anthropometry import MASSES
 from wbc.human.c3d_parameters import BLOCK, MIPS, C3dFile, floats, read_c3d_head
-from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.human.markers import ForcePlate, MarkerRecording, without_copies
 from wbc.motion.table import read_bytes
 from wbc.validate import Array
 
@@ -54,10 +54,11 @@ def read_c3d(path: Path) -> MarkerRecording:
     unit = next((short for word, short in WORDS.items() if unit.startswith(word)), unit)
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
-    labels, columns, repeated = _labels(file, points)
     positions = marked[:, :, :3] * LENGTHS[unit]
     positions[marked[:, :, 3] < 0.0] = np.nan
     positions[(positions == 0.0).all(axis=2)] = np.nan
+    names, markers = _labels(file, points)
+    labels, columns, repeated = without_copies(names, positions[:, markers])
     time = np.arange(len(marked)) / rate
     plates, plate_notes = _plates(file, analog, rate, samples, LENGTHS[unit])
     mass = file.number("PROCESSING:BODYMASS", 0.0)  # as Vicon writes it, 0 or 1 if nobody did
@@ -67,7 +68,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     return MarkerRecording(
         time,
         labels,
-        positions[:, columns],
+        positions[:, markers][:, columns],
         plates,
         source=source,
         notes=notes,
@@ -116,20 +117,15 @@ def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Arra
     return marked, table[:, 4 * points :]
 
 
-def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int], tuple[str, ...]]:
-    """Return the labels of markers, their points, and notes; angles, forces etc. are no markers."""
+def _labels(file: C3dFile, points: int) -> tuple[list[str], list[int]]:
+    """Return the labels of markers, and their points; angles, forces etc. are no markers."""
     labels = file.texts("POINT:LABELS")
     names = [labels[k] if k < len(labels) and labels[k] else f"*{k + 1}" for k in range(points)]
     other = set[str]()
     for kind in ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"):
         other |= set(file.texts(f"POINT:{kind}"))
-    first = dict[str, int]()
-    for k, name in enumerate(names):
-        if name not in other:
-            first.setdefault(name, k)
-    repeated = listed([name for name in first if names.count(name) > 1], 8)
-    notes = (f"several points are called {repeated}: the first is taken",) if repeated else ()
-    return tuple(first), list(first.values()), notes
+    markers = [k for k, name in enumerate(names) if name not in other]
+    return [names[k] for k in markers], markers
 
 
 def _plates(

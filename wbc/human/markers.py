@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wbc.errors import InvalidInputError, shown
+from wbc.errors import InvalidInputError, listed, shown
 from wbc.human.anthropometry import check_build
 from wbc.human.landmarks import Landmark
 from wbc.kinds import one_of
@@ -210,3 +210,25 @@ class MarkerRecording:
         R = _TO_Z[up]
         plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
         return replace(self, positions=self.positions @ R.T, plates=plates, up="z")
+
+
+def without_copies(
+    labels: Sequence[str], positions: Array
+) -> tuple[tuple[str, ...], list[int], tuple[str, ...]]:
+    """Return each label once, the column of its marker, and notes.
+
+    Of several markers with one label the first is taken, unless it is seen less than half as often
+    as a later one: files keep empty ones.
+
+    Parameters
+    ----------
+    positions:
+        (n, m, 3); NaN where a marker was not seen.
+    """
+    seen, taken = np.isfinite(positions).all(axis=2).sum(axis=0), dict[str, int]()
+    for k, label in enumerate(labels):
+        if seen[k] > 2 * seen[taken.setdefault(label, k)]:
+            taken[label] = k
+    repeated = listed([label for label in taken if labels.count(label) > 1], 8)
+    what = f"several markers are called {repeated}: the first that is seen is taken"
+    return tuple(taken), list(taken.values()), (what,) if repeated else ()

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.errors import listed
-from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.human.markers import ForcePlate, MarkerRecording, without_copies
 from wbc.motion.table import RecordingError, cell_numbers, numbers_of, read_text, shortened
 from wbc.validate import Array
 
@@ -56,11 +55,10 @@ def read_trc(path: Path) -> MarkerRecording:
         notes.append(f"{int(zero.sum())} positions at exactly 0, 0, 0 were taken as not seen")
     if not np.isfinite(rows[:, 1]).all():
         raise RecordingError("a row has no time", source, "Time")
-    first = {label: labels.index(label) for label in labels}
-    if repeated := listed([label for label in first if labels.count(label) > 1], 8):
-        notes.append(f"several markers are called {repeated}: the first is taken")
-    positions = positions[:, list(first.values())]
-    return MarkerRecording(rows[:, 1], tuple(first), positions, source=source, notes=tuple(notes))
+    distinct, columns, repeated = without_copies(labels, positions)
+    return MarkerRecording(
+        rows[:, 1], distinct, positions[:, columns], source=source, notes=(*notes, *repeated)
+    )
 
 
 def _rows(lines: list[str], first: int, width: int, source: str, unnamed: bool = False) -> Array:
