@@ -677,9 +677,14 @@ XSENS = (
     " pLeftLatMalleolus left_ankle_lateral pRightLatMalleolus right_ankle_lateral pLeftHeelFoot"
     " left_heel pLeftFirstMetatarsal left_metatarsal_1 pRightToe right_toe"
 )
+C_MOTION = (  # of a sample of c3d.org
+    "r_asis right_asis l_asis left_asis sacrum sacrum th12 spine r_shoulder right_acromion"
+    " r_knjntln right_knee_lateral l_knjntln left_knee_lateral r_tubtib right_tibial_tuberosity"
+    " r_ankle right_ankle_lateral l_ankle left_ankle_lateral r_toe right_toe l_heel left_heel"
+)
 
 
-@pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS])
+@pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS, C_MOTION])
 def test_marker_sets_of_motion_capture_systems_are_identified(given: str) -> None:
     words = given.split()
     marks = words[1::2]

@@ -62,7 +62,7 @@ _PAIRED: dict[str, _Row] = {
               " QUAD BAR1 WAND1 THIGHFRONTLOW T1 T2 T3 T4 THU THL THD ANTFEM POSTFEM"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEELAT LATKNEE LKNEE KNEEOUT"
               " KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC LEK KNEELATEPICONDYLE"
-              " FCL LKN LEPI"),
+              " FCL LKN LEPI KNJNTLN"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE KNEEMED MEDKNEE KNM KNEM MFC"
               " FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC MEK KNEEMEDEPICONDYLE FCM MKN KNI"
               " MEPI"),
@@ -71,7 +71,7 @@ _PAIRED: dict[str, _Row] = {
     "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"
               " FIB HFB FIBULAHEAD"),
     "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TTB TIBTUB TUB"
-              " TIBIALTUB TTU TIBTUBERCLE TIBIALTUBERCLE"),
+              " TIBIALTUB TTU TIBTUBERCLE TIBIALTUBERCLE TUBTIB"),
     "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SHN SHIN SHANKUPPER"
               " SHANKFRONT SHANKREAR SHANKLAT TIAP TIAD TB SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
               " SHA ATI SHINFRONTHIGH SHANKANTSUP S1 S2 S3 S4 TBU TBC TBD ANTTIB POSTTIB SH1 SH2"
@@ -136,7 +136,7 @@ _MIDDLE: dict[str, _Row] = {
     "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT MIDHIP CHIP"),
     "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
     "spine": ("trunk", "trunk", (-115, 0, 230), 90, 10, "T10 TV10 T8 TV8 T12 TV12 T6 T7 T4 T5 T9"
-              " T11 THORAX SPINE SPINETHORACIC12"),
+              " T11 TH5 TH6 TH7 TH8 TH9 TH10 TH11 TH12 THORAX SPINE SPINETHORACIC12"),
     "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3 BACKTOP SPINETOP"
                    " SPINETHORACIC2"),
     "c7": ("trunk", "head", (-55, 0, 0), 15, 10, "C7 CV7 CERV7 C7T1"),
