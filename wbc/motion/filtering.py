@@ -54,7 +54,8 @@ def low_pass(values: Array, rate: float, cutoff: float | None) -> Array:
 
 def edge_rows(count: int, rate: float, cutoff: float) -> int:
     """Return the number of rows at each end that determine the extrapolation."""
-    return min(count - 1, int(np.ceil(PADDING * rate / cutoff)))
+    # Rates are rounded: 25 rows must not be 26 where the same motion begins at another time.
+    return min(count - 1, int(np.ceil(PADDING * rate / cutoff - 1e-6)))
 
 
 def _extrapolate(values: Array, count: int) -> Array:
