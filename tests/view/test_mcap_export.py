@@ -8,13 +8,15 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+import wbc
 from tests.command import wbc_command
 from tests.problem.loading import problem_of
 from tests.texts import REACH, STAND
+from tests.urdf import geared_arm
 from wbc.errors import InvalidInputError, MissingPackageError
 from wbc.problem import Problem
 from wbc.problem.saved import SavedRun
-from wbc.view.mcap_export import mcap_format, write_mcap
+from wbc.view.mcap_export import mcap_format, transforms, write_mcap
 
 PENDULUM = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
 
@@ -75,6 +77,14 @@ def test_a_simulation_has_torques_and_forces(tmp_path: Path) -> None:
     np.testing.assert_array_equal(torque, result.arrays["torque"][-1])
     # The first row is the start, in which nothing had been measured yet.
     assert all(value is not None for value in topics["/cop"][-1][1].values())
+
+
+def test_no_frame_is_its_own_parent() -> None:
+    """Arms are bolted to a link that is called as the world is: a cycle to viewers."""
+    robot = wbc.Robot.load(geared_arm())
+    sent = transforms(robot.snapshot(robot.postures["neutral"]), 0)["transforms"]
+    assert "link_d" in {one["child_frame_id"] for one in sent}
+    assert all(one["child_frame_id"] != one["parent_frame_id"] for one in sent)
 
 
 def test_what_cannot_be_exported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -188,7 +188,8 @@ def _of_simulation(robot: Robot, arrays: Mapping[str, NDArray[Any]]) -> Iterator
 def transforms(snapshot: Snapshot, stamp: int) -> dict[str, Any]:
     """Return where the robot's frames are."""
     when = {"sec": stamp // NANO, "nsec": stamp % NANO}
-    names = snapshot.robot.frame_names
+    # A link called as the world is at it: a frame below itself is a cycle.
+    names = [name for name in snapshot.robot.frame_names if name != WORLD]
     turns = Rotation.from_matrix([snapshot.rotation(name) for name in names]).as_quat()
     return {
         "transforms": [
