@@ -677,6 +677,12 @@ XSENS = (
     " pLeftLatMalleolus left_ankle_lateral pRightLatMalleolus right_ankle_lateral pLeftHeelFoot"
     " left_heel pLeftFirstMetatarsal left_metatarsal_1 pRightToe right_toe"
 )
+WISCONSIN = (  # of OpenSim's models of Lenhart (2015)
+    "R.ASIS right_asis L.ASIS left_asis S2 sacrum R.Clavicle right_clavicle R.Mkn right_knee_medial"
+    " R.Knee right_knee_lateral L.Knee left_knee_lateral R.Man right_ankle_medial"
+    " R.Ankle right_ankle_lateral L.Ankle left_ankle_lateral R.MT0 right_metatarsal_1"
+    " R.MT5 right_metatarsal_5 L.Heel left_heel"
+)
 C_MOTION = (  # of a sample of c3d.org
     "r_asis right_asis l_asis left_asis sacrum sacrum th12 spine r_shoulder right_acromion"
     " r_knjntln right_knee_lateral l_knjntln left_knee_lateral r_tubtib right_tibial_tuberosity"
@@ -684,7 +690,7 @@ C_MOTION = (  # of a sample of c3d.org
 )
 
 
-@pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS, C_MOTION])
+@pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS, WISCONSIN, C_MOTION])
 def test_marker_sets_of_motion_capture_systems_are_identified(given: str) -> None:
     words = given.split()
     marks = words[1::2]

@@ -81,7 +81,7 @@ _PAIRED: dict[str, _Row] = {
               " MALLEOLUSLAT MALLLAT ANKL"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED"
               " MM TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS MEDMAL MA MAK MML MALM MALMED"
-              " MALLEOLUSMED MALLMED ANKM"),
+              " MALLEOLUSMED MALLMED ANKM MAN"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
               " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
@@ -91,7 +91,7 @@ _PAIRED: dict[str, _Row] = {
               " MET3 3META HALLUX HLX HALL M2 2MET"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
               " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL FIRSTMET MET1 META1"
-              " MTH1 1MTH 1MH 1MET 1STMET M1"),
+              " MTH1 1MTH 1MH 1MET 1STMET M1 MT0"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5"
               " D5M D5MT MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5"
               " FIFTHMETATARSAL SMALLTOE FIFTHMET MET5 META5 MTH5 5MTH 5MH 5MET 5THMET 5TH M5"),
