@@ -865,3 +865,17 @@ def test_recordings_from_wrong_arrays_are_refused() -> None:
         MarkerRecording(time, ("a", "b"), places).upright("w")
     with pytest.raises(WbcError, match="times must increase, at least two"):
         ForcePlate("plate", np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)))
+
+
+def test_rows_that_a_header_declares_and_that_are_not_there_are_told(tmp_path: Path) -> None:
+    """A file cut off at the end of a line was read in silence."""
+    path, (recording, _) = tmp_path / "a.trc", recorded(BODY, seconds=0.2)
+    write_trc(path, recording)
+    path.write_text("\n".join(path.read_text().splitlines()[:-5]))
+    forces = tmp_path / "a.mot"
+    names = "\t".join(f"ground_force_{part}{axis}" for part in "vp" for axis in "xyz")
+    rows = "".join(f"{t}\t0\t500\t0\t0\t0\t0\n" for t in (0.0, 0.1))
+    forces.write_text(f"grf\ndatarows 3\ndatacolumns 7\nendheader\ntime\t{names}\n{rows}")
+    notes = read_markers(path, forces=forces).notes
+    told = "the header declares {} rows, {} are there: it is an excerpt, or cut off"
+    assert notes == (told.format(20, 15), told.format(3, 2))

@@ -48,6 +48,7 @@ def read_trc(path: Path) -> MarkerRecording:
         notes.append(f"the header declares {declared} markers, {len(labels)} are named")
     # Cortex writes those without a name behind the others, in some frames more than declared.
     rows = _rows(lines, 5, 2 + 3 * len(labels), source, unnamed=declared > len(labels))
+    notes += _cut_off(fields.get("NumFrames", ""), len(rows))
     positions = rows[:, 2:].reshape(len(rows), -1, 3) * UNITS[unit]
     zero = (positions == 0.0).all(axis=2)
     if zero.any():
@@ -59,6 +60,12 @@ def read_trc(path: Path) -> MarkerRecording:
     return MarkerRecording(
         rows[:, 1], distinct, positions[:, columns], source=source, notes=(*notes, *repeated)
     )
+
+
+def _cut_off(declared: str, count: int) -> list[str]:
+    """Return a note if a header declares another number of rows than there is."""
+    what = f"the header declares {declared} rows, {count} are there: it is an excerpt, or cut off"
+    return [what] if declared.isdigit() and declared != str(count) else []
 
 
 def _rows(lines: list[str], first: int, width: int, source: str, unnamed: bool = False) -> Array:
@@ -116,7 +123,8 @@ def read_plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
     columns = _by_plate(names)
     if not columns:
         raise RecordingError("no force is in it: three columns such as ground_force_vx", source)
-    plates, notes = list[ForcePlate](), list[str]()
+    declared = re.search("^(?:nRows|datarows)[ =]+([0-9]+)", "\n".join(lines[:end]), re.MULTILINE)
+    plates, notes = list[ForcePlate](), _cut_off(declared[1] if declared else "", len(rows))
     for plate, found in columns.items():
         if "p" not in found:
             what = f"{plate} has no point: three columns such as {plate}_px are needed"
