@@ -510,6 +510,23 @@ def write_bvh(path: Path, frames: int = 12, fall: float = 0.0) -> np.ndarray:
     return np.array((0.09, 0.51, 0.0)) + shin
 
 
+def test_bvh_whose_bones_all_point_along_x_has_the_unit_of_its_legs(tmp_path: Path) -> None:
+    """As in LAFAN1: the extent of such a rest pose tells nothing, and clips were refused for it."""
+    path = tmp_path / "along.bvh"
+    write_bvh(path)
+    for cm, unit in ((1.0, "cm"), (1.0 / 2.54, "inch")):
+
+        def along(offset: re.Match[str], cm: float = cm) -> str:
+            length = np.linalg.norm([float(word) for word in offset[1].split()])
+            return f"OFFSET {cm * length} 0 0\n"
+
+        file = tmp_path / f"{unit}.bvh"
+        file.write_text(re.sub("OFFSET (.*)\n", along, path.read_text()))
+        assert read_markers(file).notes == (
+            f"lengths taken for {unit}: by its legs it is 1.73 m tall",
+        )
+
+
 def test_bvh_with_a_prop_has_the_unit_of_the_human(tmp_path: Path) -> None:
     path = tmp_path / "lift.bvh"
     write_bvh(path)
@@ -765,7 +782,7 @@ NESTED = "JOINT a\n{\nOFFSET 0 1 0\n"
         (lambda t: t.replace("JOINT Neck", "JIONT Neck"), r"line \d+: .* is not expected here"),
         (lambda t: t.replace("}\nMOTION", "MOTION"), "not closed"),
         (lambda t: t.replace("JOINT Neck", NESTED * 300 + "JOINT Neck"), "nested over"),
-        (lambda t: t.replace("60", "6e7"), "in no usual unit a human"),
+        (lambda t: t.replace("-42", "-4e7"), "in no usual unit a human"),
     ],
 )
 def test_bvh_mistakes_are_refused(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,7 +21,7 @@ CHANNELS = {f"{axis}{kind}": (axis, kind) for axis in "XYZ" for kind in ("positi
 # Graphics Lab wrote inches times 0.45, as do all files made from theirs.
 UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001, "cmu": 0.0254 / 0.45}
 HEIGHTS = (1.2, 2.2)
-PROP = re.compile("prop[0-9]", re.IGNORECASE)
+LEG = 0.49  # from hip to ankle, by the stature (de Leva 1996)
 
 
 @dataclass
@@ -39,12 +39,12 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     ----------
     unit:
         ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4 mm), or its length [m];
-        None: the first in which the skeleton is as tall as a human.
+        None: the first in which its legs are as long as a human's.
 
     Raises
     ------
     RecordingError
-        Unreadable, not such a file, no human's skeleton, or a height of no human in any unit.
+        Unreadable, not such a file, no human's skeleton, or legs of no human in any unit.
     """
     source = str(path)
     lines = [line.strip() for line in read_text(path, strict=False).splitlines()]
@@ -55,7 +55,7 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     time, values = _motion(lines, start, sum(len(joint.channels) for joint in joints), source)
     places, rotations = _forward_kinematics(joints, values)
     landmarks = _landmarks(joints, source)
-    scale, note = _unit(unit, _height(joints), source)
+    scale, note = _unit(unit, _stature(places, landmarks), source)
     bones = [
         Bone(joint.name, scale * places[k], rotations[k], landmarks.get(k))
         for k, joint in enumerate(joints)
@@ -175,19 +175,18 @@ def _forward_kinematics(joints: list[_Joint], values: Array) -> tuple[list[Array
     return places, rotations
 
 
-def _height(joints: list[_Joint]) -> float:
-    """Return the largest extent of the rest pose, in the file's unit.
+def _stature(places: list[Array], landmarks: Mapping[int, str]) -> float:
+    """Return the stature that belongs to the skeleton's legs, in the file's unit.
 
-    The joints above the first branch may be anywhere, and the props that Xsens tracks, too.
+    Its rest pose does not tell: bones may point anywhere in it, as all along x in LAFAN1.
     """
-    parents = [joint.parent for joint in joints]
-    trunk = next((k for k in range(len(joints)) if parents.count(k) > 1), 0)
-    rest_pose = list[Array]()
-    for k, joint in enumerate(joints):
-        at = np.array(joint.offset) if k > trunk else np.zeros(3)
-        rest_pose.append(at + (rest_pose[joint.parent] if joint.parent >= 0 else 0.0))
-    body = [at for at, joint in zip(rest_pose, joints, strict=True) if not PROP.match(joint.name)]
-    return float(np.ptp(np.array(body or rest_pose), axis=0).max())
+    at = {name: places[k] for k, name in landmarks.items()}
+    bones = [
+        np.linalg.norm(at[f"{side}_{end}_centre"] - at[f"{side}_{start}_centre"], axis=1)
+        for side in ("left", "right")
+        for start, end in (("hip", "knee"), ("knee", "ankle"))
+    ]
+    return float(np.median(bones, axis=1).sum()) / (2.0 * LEG)
 
 
 def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:
@@ -204,9 +203,9 @@ def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, 
         return size, f"lengths in {unit} m, as given"
     for name, size in UNITS.items():
         if HEIGHTS[0] <= height * size <= HEIGHTS[1]:
-            return size, f"lengths taken for {name}: its skeleton is {height * size:.2f} m tall"
+            return size, f"lengths taken for {name}: by its legs it is {height * size:.2f} m tall"
     raise RecordingError(
-        f"its skeleton is {height:.4g} tall: in no usual unit a human's height; give the unit, or"
+        f"by its legs it is {height:.4g} tall: in no usual unit a human's height; give the unit, or"
         " its length in m (unit)",
         source,
     )

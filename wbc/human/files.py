@@ -60,7 +60,7 @@ def read_markers(
         of those of the recording.
     unit:
         Of a BVH file's lengths, ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4
-        mm), or its length [m]; None: by the skeleton's height. Other files tell theirs.
+        mm), or its length [m]; None: by the skeleton's legs. Other files tell theirs.
     stature:
         Of the human whose SMPL poses are read [m].
     standing:
