@@ -548,6 +548,8 @@ def test_bvh_gives_joints_and_bones(tmp_path: Path) -> None:
     knee = human.motion.joints[:, human.motion.robot.joint_names.index("left_knee_flexion")]
     np.testing.assert_allclose(np.degrees(knee - knee[0]), np.linspace(0.0, 60.0, 12), atol=3.0)
     assert human.rms < 0.01
+    path.write_text(path.read_text().replace("\n", "\n\n"))  # no frame time of 12 s
+    np.testing.assert_array_equal(read_markers(path).positions, found.positions)
     # Under a root that carries all, the skeleton may be drawn anywhere.
     head, _, rows = path.read_text().rpartition("MOTION")
     world = "ROOT World\n{\nOFFSET 0 0 0\nCHANNELS 1 Xposition\nJOINT Hips\n{\nOFFSET 0 0 -500"

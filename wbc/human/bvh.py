@@ -131,20 +131,17 @@ def _numbers(words: list[str], count: int, source: str, line: int) -> list[float
 
 def _motion(lines: list[str], start: int, width: int, source: str) -> tuple[Array, Array]:
     """Return times (n,) [s] and channel values (n, width)."""
-    head = [line.split(":")[-1].split() for line in lines[start + 1 : start + 3]]
-    if len(head) < 2:
+    filled = [(k, line) for k, line in enumerate(lines[start + 1 :], start + 2) if line]
+    if len(filled) < 2:
         raise RecordingError("its motion has no frames", source)
-    step = _numbers(head[1], 1, source, start + 3)[0]
+    declared, step = (
+        _numbers(line.split(":")[-1].split(), 1, source, k)[0] for k, line in filled[:2]
+    )
     if not 1e-5 <= step <= 10.0:
         raise RecordingError(f"its frame time is {step:g} s", source)
-    rows = [
-        _numbers(line.split(), width, source, number)
-        for number, line in enumerate(lines[start + 3 :], start + 4)
-        if line
-    ]
+    rows = [_numbers(line.split(), width, source, k) for k, line in filled[2:]]
     if not 0 < len(rows) <= MAX_FRAMES:
         raise RecordingError(f"it has {len(rows)} frames", source)
-    declared = _numbers(head[0], 1, source, start + 2)[0]
     if declared != len(rows):
         what = f"it declares {declared:g} frames and has {len(rows)}; is it cut off?"
         raise RecordingError(what, source)
