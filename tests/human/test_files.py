@@ -584,6 +584,15 @@ def test_legs_are_identified_by_other_names(leg: str) -> None:
     assert [found[k] for k in range(len(names))] == wanted
 
 
+def test_joints_of_vroid_are_identified() -> None:
+    limbs = "UpperLeg LowerLeg Foot ToeBase UpperArm LowerArm Hand".split()  # noqa: SIM905
+    names = [f"J_Bip_C_{one}" for one in ("Hips", "Neck", "Head")]
+    names += [f"J_Bip_{side}_{one}" for side in "LR" for one in limbs]
+    found = joint_landmarks(names, "it")
+    assert [found[k] for k in range(3)] == ["root", "neck_centre", "head_centre"]
+    assert sorted(found) == list(range(len(names)))
+
+
 def test_joints_of_unreal_are_identified() -> None:
     limbs = "thigh calf foot ball upperarm lowerarm hand".split()  # noqa: SIM905
     names = ["root", "pelvis", "neck_01", "head", *(f"{one}_{s}" for s in "lr" for one in limbs)]

@@ -111,7 +111,7 @@ def _landmarks_of(plain: Sequence[str]) -> dict[int, str]:
 
 def _normalized(name: str) -> str:
     name = name.rpartition(":")[2].upper()
-    name = re.sub(r"^(MIXAMORIG|BIP01|BIP001|CHARACTER1)_?", "", name)
+    name = re.sub(r"^(MIXAMORIG|BIP01|BIP001|CHARACTER1|J_BIP(_C)?)_?", "", name)
     return re.sub(r"[^A-Z0-9/]+", "", name)
 
 
