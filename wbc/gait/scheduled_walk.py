@@ -11,7 +11,7 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError
 from wbc.gait.command import Velocity
-from wbc.gait.phases import in_plane
+from wbc.gait.dcm import in_plane
 from wbc.gait.prescribed_steps import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
