@@ -1,11 +1,9 @@
 """What counts as a fall: a lifted foot that comes down; and what does not: toes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tests.robot.test_feet_of_others import biped, box, joint, link
+from tests.robot.test_feet_of_others import FOOT, TOE, biped
 from wbc.errors import UnknownNameError
 from wbc.gait import Wall
 from wbc.robot import Robot
@@ -36,13 +34,9 @@ def test_the_lifted_foot_must_exist(plant: Plant) -> None:
         FallWatch(plant, FallLimits(lifted="rihgt"))
 
 
-def test_toes_on_joints_of_their_own_may_touch_the_ground(tmp_path: Path) -> None:
+def test_toes_on_joints_of_their_own_may_touch_the_ground() -> None:
     """Before, a robot with toes had fallen after two steps of the physics."""
-    foot = box("0.03 0 -.03", ".2 .1 .04")
-    toe = link("{0}_toe", box(".03 0 0", ".06 .1 .04"), 0.1) + joint(
-        "{0}_ball", "{end}", "{0}_toe", "0 1 0", ".13 0 -.03"
-    )
-    robot = Robot.load(biped(tmp_path, foot, extra=toe))
+    robot = Robot.load(biped(FOOT, extra=TOE))
     plant = Plant(robot)
     plant.reset(robot.posture("standing"))
     watch = FallWatch(plant, FallLimits())
