@@ -15,6 +15,15 @@ def standing(robot: Robot) -> Snapshot:
     return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
 
 
+def sole_corners(here: Snapshot) -> np.ndarray:
+    """Return the corners (k, 3) of all soles in the world, one foot after the other."""
+    flat = [
+        here.position(foot.frame) + foot.polygon @ here.rotation(foot.frame)[:, :2].T
+        for foot in here.robot.feet.values()
+    ]
+    return np.concatenate(flat)
+
+
 def commanded(
     controller: wbc.Controller, q: np.ndarray, ticks: int
 ) -> Iterator[tuple[wbc.Tick, np.ndarray]]:

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
+from tests.standing import sole_corners
 from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Walker
@@ -81,14 +82,13 @@ def test_polygons_are_convex_centred_and_mirrored(name: str, robot_named: Load) 
     np.testing.assert_allclose(unordered(left.round(4)), unordered(right.round(4)), atol=1.1e-4)
 
 
-def test_the_soles_of_the_humanoids_are_of_their_size(robot_named: Load) -> None:
-    # The SRDFs give 205 x 122 mm (TALOS) and 193.5 x 121 mm (Romeo, with its rounded edges).
-    for name, length, width, slack in (
-        ("talos", 0.205, 0.122, 4e-3),
-        ("romeo", 0.1935, 0.121, 0.012),
-    ):
-        extent = np.ptp(robot_named(name).feet["left"].polygon, axis=0)
-        np.testing.assert_allclose(extent, [length, width], atol=slack)
+# The SRDFs give 205 x 122 mm (TALOS) and 193.5 x 121 mm (Romeo, with its rounded edges).
+@pytest.mark.parametrize(
+    ("name", "size", "slack"), [("talos", (0.205, 0.122), 4e-3), ("romeo", (0.1935, 0.121), 0.012)]
+)
+def test_soles_of_a_humanoid_are_of_their_size(name, size, slack: float, robot_named: Load) -> None:
+    extent = np.ptp(robot_named(name).feet["left"].polygon, axis=0)
+    np.testing.assert_allclose(extent, size, atol=slack)
 
 
 # ---------------------------------------------------------------------------- a toy with legs
@@ -96,46 +96,46 @@ def test_the_soles_of_the_humanoids_are_of_their_size(robot_named: Load) -> None
 BOX = urdf.collision('box size="0.2 0.1 0.02"', "0.02 0 -0.05")
 
 
-def legged(folder: Path, rpy: str = "0 0 0", shape: str = BOX, **names: str) -> Path:
+SOLE = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])  # of that box
+LEFT_RIGHT = (("left", 0.1), ("right", -0.1))
+
+
+def legged(rpy: str = "0 0 0", shape: str = BOX, extra: str = "", **names: str) -> str:
     """One body with two feet, whose links are turned by ``rpy`` against the body."""
     parts = [urdf.link("body")]
-    for side, y in (("left", 0.1), ("right", -0.1)):
+    for side, y in LEFT_RIGHT:
         name = names.get(side, f"{side}_foot")
         parts.append(
             f'{urdf.link(name, shape)}<joint name="{side}_ankle" type="revolute">'
             f'<parent link="body"/><child link="{name}"/><origin xyz="0 {y} -0.5" rpy="{rpy}"/>'
             f'<axis xyz="0 1 0"/>{urdf.limit(1, 1, 1)}</joint>'
         )
-    path = folder / "legged.urdf"
-    path.write_text(f'<robot name="legged">{"".join(parts)}{names.get("extra", "")}</robot>')
-    return path
+    return urdf.robot("legged", *parts, extra)
 
 
-def test_feet_are_guessed_from_names_and_shapes(tmp_path: Path) -> None:
-    robot = Robot.load(legged(tmp_path))
-    assert {name: foot.link for name, foot in robot.feet.items()} == {
-        "left": "left_foot",
-        "right": "right_foot",
-    }
+def links_of(robot: Robot) -> dict[str, str]:
+    return {name: foot.link for name, foot in robot.feet.items()}
+
+
+def test_feet_are_guessed_from_names_and_shapes() -> None:
+    robot = Robot.load(legged())
+    assert links_of(robot) == {"left": "left_foot", "right": "right_foot"}
     s = robot.snapshot(robot.postures["standing"])
     np.testing.assert_allclose(s.position("left_sole"), [0.02, 0.1, 0.0], atol=1e-12)
     assert s.position("base")[2] == pytest.approx(0.56)  # 0.5 to the ankle, 0.06 to the sole
 
 
-def test_no_feet_are_said_at_load_and_when_asked_for(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot = Robot.load(legged(tmp_path, shape=""))
+def test_no_feet_are_said_at_load_and_when_asked_for(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot.load(legged(shape=""))
     assert robot.feet == {}
     (note,) = robot.notes
     assert "no feet were found: no shapes to find soles from on left_foot, right_foot" in note
     assert "feet: {left: {link: LINK}, ...}" in note
-    (record,) = caplog.records
-    assert record.getMessage() == f"{robot.path}: {note}"
+    assert caplog.messages == [f"{robot.path}: {note}"]
     with pytest.raises(UnknownNameError, match=r"foot of legged 'left'; .*feet: \{left: \{link"):
         support(robot.snapshot(robot.posture("neutral")), "double")
     caplog.clear()
-    robot = Robot.load(legged(tmp_path), feet={})  # meant so
+    robot = Robot.load(legged(), feet={})  # meant so
     assert (robot.feet, robot.notes, caplog.records) == ({}, (), [])
 
 
@@ -151,11 +151,9 @@ def test_no_feet_are_said_at_load_and_when_asked_for(
         ("one", "two", ["left", "right"]),  # the lowest flat bodies, the left one first
     ],
 )
-def test_feet_go_by_many_names(tmp_path: Path, left: str, right: str, feet: list[str]) -> None:
-    robot = Robot.load(legged(tmp_path, left=left, right=right))
-    assert {name: foot.link for name, foot in robot.feet.items()} == dict(
-        zip(feet, (left, right), strict=True)
-    )
+def test_feet_go_by_many_names(left: str, right: str, feet: list[str]) -> None:
+    robot = Robot.load(legged(left=left, right=right))
+    assert links_of(robot) == dict(zip(feet, (left, right), strict=True))
     s = robot.snapshot(robot.postures["standing"])
     np.testing.assert_allclose(s.position(f"{feet[0]}_sole"), [0.02, 0.1, 0.0], atol=1e-12)
 
@@ -169,8 +167,8 @@ def test_feet_go_by_many_names(tmp_path: Path, left: str, right: str, feet: list
         ({"left": "one", "right": "two", "shape": BOX.replace("0.2 0.1", "0.02 0.02")}, "no flat"),
     ],
 )
-def test_why_no_feet_were_found_is_said(tmp_path: Path, names: dict[str, str], reason: str) -> None:
-    robot = Robot.load(legged(tmp_path, **names))
+def test_why_no_feet_were_found_is_said(names: dict[str, str], reason: str) -> None:
+    robot = Robot.load(legged(**names))
     (note,) = robot.notes
     assert robot.feet == {} and note.startswith("no feet were found: ") and reason in note
 
@@ -198,102 +196,85 @@ def test_fingers_of_a_hand_in_an_mjcf_are_no_feet() -> None:
     assert robot.feet == {} and robot.fixed_base
 
 
-def test_notes_on_a_robot_are_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    text = legged(tmp_path).read_text()
+def test_notes_on_a_robot_are_logged_once(tmp_path: Path, caplog) -> None:
     path = tmp_path / "armature.urdf"
-    path.write_text(text)
+    path.write_text(legged())
     options = {"armature": 300.0}  # more than the whole robot's inertia: a unit, most likely
     first = Robot.load(path, **options)
     assert first.notes
-    assert [record.getMessage() for record in caplog.records] == [
-        f"{path}: {note}" for note in first.notes
-    ]
+    assert caplog.messages == [f"{path}: {note}" for note in first.notes]
     assert all(record.levelname == "WARNING" for record in caplog.records)
     Robot.load(path, **options)
     assert len(caplog.records) == len(first.notes)
 
 
-def test_a_foot_without_its_other_one_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot = Robot.load(legged(tmp_path, left="left_foot", right="starboard"))
+def test_a_foot_without_its_other_one_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    text = legged(left="left_foot", right="starboard")
+    robot = Robot.load(text)
     assert list(robot.feet) == ["left"]
     assert "no link is called the right foot, as left_foot is" in robot.notes[0]
     assert "not all feet were found" in caplog.text
     both = {"left": {"link": "left_foot"}, "right": {"link": "starboard"}}
-    assert Robot.load(robot.path, feet=both).notes == ()
+    assert Robot.load(text, feet=both).notes == ()
 
 
 @pytest.mark.parametrize("axis", ["y", "-y", "x", "-x"])
-def test_a_file_whose_other_axis_points_up_stands_upright(tmp_path: Path, axis: str) -> None:
+def test_a_file_whose_other_axis_points_up_stands_upright(axis: str) -> None:
     """The toy, described in axes that are turned against the ground."""
     up = {"y": (1, 0, 0), "-y": (-1, 0, 0), "x": (0, -1, 0), "-x": (0, 1, 0)}[axis]
     turn = pin.exp3(-np.pi / 2 * np.array(up))  # takes z, up, to the axis
-    assert (turn @ [0, 0, 1]).round(9).tolist() == (
-        np.eye(3)["xyz".index(axis[-1])] * (-1 if axis[0] == "-" else 1)
-    ).tolist()
-    text = legged(tmp_path).read_text()
     rpy = " ".join(map(str, pin.rpy.matrixToRpy(turn).tolist()))
-    for y in ("0.1", "-0.1"):
-        place = " ".join(map(str, (turn @ [0.0, float(y), -0.5]).tolist()))
+    text = legged()
+    for _, y in LEFT_RIGHT:
+        place = " ".join(map(str, (turn @ [0.0, y, -0.5]).tolist()))
         text = text.replace(f'xyz="0 {y} -0.5" rpy="0 0 0"', f'xyz="{place}" rpy="{rpy}"')
-    path = tmp_path / "turned.urdf"
-    path.write_text(text)
-    robot = Robot.load(path)
+    robot = Robot.load(text)
     assert f"the base's {axis} axis points up" in robot.notes[0]
     s = robot.snapshot(robot.posture("standing"))
-    for side, y in (("left", 0.1), ("right", -0.1)):
+    for side, y in LEFT_RIGHT:
         place = s.position(f"{side}_sole") - s.position("base")
         np.testing.assert_allclose(place, [0.02, y, -0.56], atol=1e-9)
         np.testing.assert_allclose(s.rotation(f"{side}_sole"), np.eye(3), atol=1e-9)
 
 
-def test_a_base_between_the_soles_stays_upright(tmp_path: Path) -> None:
+def test_a_base_between_the_soles_stays_upright() -> None:
     """As OP2's and others' whose root is on the ground, below their ankles."""
-    text = legged(tmp_path).read_text().replace(" -0.5", " 0.06")
     trunk = urdf.link("trunk") + '<joint name="up" type="fixed">'
-    ends = '<parent link="body"/><child link="trunk"/><origin xyz="0 0 0.8"/></joint>'
-    path = tmp_path / "grounded.urdf"
-    path.write_text(text.replace("</robot>", f"{trunk}{ends}</robot>"))
-    robot = Robot.load(path)
+    trunk += '<parent link="body"/><child link="trunk"/><origin xyz="0 0 0.8"/></joint>'
+    robot = Robot.load(legged(extra=trunk).replace(" -0.5", " 0.06"))
     assert robot.notes == ()
     s = robot.snapshot(robot.posture("standing"))
     np.testing.assert_allclose(s.rotation("base"), np.eye(3), atol=1e-12)
     assert s.com[2] > 0.2
 
 
-def test_a_robot_that_its_file_lays_down_stands_up(tmp_path: Path) -> None:
+def test_a_robot_that_its_file_lays_down_stands_up() -> None:
     """As in tasks about getting up: the file's own pose of the base is not how it stands."""
     legs = "".join(
         f'<body name="{side}_foot" pos="0 {y} -0.5"><joint name="{side}" axis="0 1 0"'
         ' range="-50 50"/><geom type="box" pos=".02 0 0" size=".1 .05 .01" mass="1"/></body>'
-        for side, y in (("left", 0.1), ("right", -0.1))
+        for side, y in LEFT_RIGHT
     )
-    path = tmp_path / "lying.xml"
-    path.write_text(
+    robot = Robot.load(
         '<mujoco><worldbody><body name="trunk" pos="0 0 0.1" quat="0.7071 0 0.7071 0"><freejoint/>'
         f'<geom type="box" size=".1 .1 .2" mass="5"/>{legs}</body></worldbody></mujoco>'
     )
-    robot = Robot.load(path)
     lying, up = (robot.snapshot(robot.postures[name]) for name in ("neutral", "standing"))
     np.testing.assert_allclose(lying.rotation("trunk")[:, 0], [0, 0, -1], atol=1e-3)
     np.testing.assert_allclose(up.rotation("trunk"), np.eye(3), atol=1e-12)
     np.testing.assert_allclose(up.position("left_sole"), [0.02, 0.1, 0.0], atol=1e-9)
 
 
-def test_feet_that_are_points_are_said(tmp_path: Path) -> None:
-    ball = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
-    robot = Robot.load(legged(tmp_path, shape=ball))
+def test_feet_that_are_points_are_said() -> None:
+    robot = Robot.load(legged(shape=urdf.collision('sphere radius="0.02"')))
     assert "its feet are points" in robot.notes[0]
-    with pytest.raises(
-        InvalidInputError, match=r"soles to stand on are expected.* left_foot, right_foot"
-    ):
+    with pytest.raises(InvalidInputError, match=r"soles to .* expected.* left_foot, right_foot"):
         Walker(robot)
 
 
 def test_a_base_that_faces_backwards_is_turned(tmp_path: Path) -> None:
-    path = legged(tmp_path, left="right_foot", right="left_foot")
-    robot = Robot.load(path)
+    text = legged(left="right_foot", right="left_foot")
+    robot = Robot.load(text)
     assert "its -x axis forwards" in robot.notes[0]
     s = robot.snapshot(robot.posture("standing"))
     np.testing.assert_allclose(s.rotation("base"), np.diag([-1.0, -1.0, 1.0]), atol=1e-12)
@@ -303,37 +284,30 @@ def test_a_base_that_faces_backwards_is_turned(tmp_path: Path) -> None:
         '<robot name="legged"><group_state name="standing" group="all">'
         '<joint name="root_joint" value="0 0 1 0 0 0.6 0.8"/></group_state></robot>'
     )
-    told = Robot.load(path, srdf=srdf)  # a file that says how it stands is believed
+    told = Robot.load(text, srdf=srdf)  # a file that says how it stands is believed
     np.testing.assert_allclose(told.posture("standing")[3:7], [0, 0, 0.6, 0.8])
     assert told.notes == ()
 
 
-def test_shapes_to_draw_do_where_none_collide(tmp_path: Path) -> None:
-    visual = BOX.replace("collision>", "visual>")
-    foot = Robot.load(legged(tmp_path, shape=visual)).feet["left"]
+def test_shapes_to_draw_do_where_none_collide() -> None:
+    foot = Robot.load(legged(shape=BOX.replace("collision>", "visual>"))).feet["left"]
     np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-12)
 
 
-def test_a_quadruped_stands_on_four_feet(g1: Robot) -> None:
-    """Others do in test_example_robots.py."""
+def test_feet_of_a_quadruped_are_named_by_all_or_in_a_list(g1: Robot) -> None:
+    """They stand as they should in test_example_robots.py."""
     folder = next(p for p in g1.path.parents if p.name == "robots")
     robot = Robot.load(folder / "go2_description/urdf/go2.urdf")
-    assert list(robot.feet) == ["front_left", "front_right", "hind_left", "hind_right"]
     s = robot.snapshot(robot.posture("standing"))
-    places = {name: s.position(foot.frame) for name, foot in robot.feet.items()}
-    for name, place in places.items():
-        assert abs(place[2]) < 1e-3
+    for name, foot in robot.feet.items():
+        place = s.position(foot.frame)
         assert (place[0] > s.com[0]) == name.startswith("front")
         assert (place[1] > s.com[1]) == name.endswith("left")
     soles = [foot.frame for foot in robot.feet.values()]
     assert [contact.frame for contact in support(s, "all")] == soles
-    assert [contact.frame for contact in support(s, ["hind_left", soles[0]])] == [
-        soles[2],
-        soles[0],
-    ]
-    with pytest.raises(
-        UnknownNameError, match=r"its feet are front_left, .*; write all, or a list"
-    ):
+    some = support(s, ["hind_left", soles[0]])
+    assert [contact.frame for contact in some] == [soles[2], soles[0]]
+    with pytest.raises(UnknownNameError, match=r"its feet are front_left, .*; write all, or a"):
         support(s, "double")
 
 
@@ -344,24 +318,18 @@ def test_all_feet_of_a_robot_without_any_are_refused(g1: Robot) -> None:
         support(arm.snapshot(arm.posture("neutral")), "all")
 
 
-def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> None:
+def test_standing_is_found_where_the_neutral_posture_falls() -> None:
     """A heavy box far in front: the ankles lean back until the CoM is over the soles again."""
     heavy = urdf.link("box", mass=2, moment=0.1)
     heavy += urdf.joint("arm", "body", "box", kind="fixed", at="0.6 0 0.3", limit="")
-    robot = Robot.load(legged(tmp_path, extra=heavy))
+    robot = Robot.load(legged(extra=heavy))
     assert robot.notes == ()
-    q = robot.posture("standing")
-    s = robot.snapshot(q)
-    corners = np.concatenate(
-        [
-            foot.polygon @ s.rotation(foot.frame)[:, :2].T + s.position(foot.frame)
-            for foot in robot.feet.values()
-        ]
-    )
+    s = robot.snapshot(robot.posture("standing"))
+    corners = sole_corners(s)
     np.testing.assert_allclose(corners[:, 2], 0.0, atol=1e-5)
     assert corners[:, 0].min() < s.com[0] < corners[:, 0].max()
     assert robot.snapshot(robot.posture("neutral")).com[0] > 0.2  # which the soles do not reach
-    stiff = legged(tmp_path, extra=heavy.replace('"0.6 0 0.3"', '"9 0 0"'))
+    stiff = legged(extra=heavy.replace('"0.6 0 0.3"', '"9 0 0"'))
     assert "posture 'standing' does not stand" in Robot.load(stiff).notes[0]
 
 
@@ -372,79 +340,65 @@ def test_upside_down_is_not_standing(hoap2: Robot) -> None:
     assert not is_standing(hoap2.model, q, hoap2.feet)
 
 
-def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:
-    for name, link in (("g1", "left_ankle_roll_link"), ("romeo", "l_ankle")):
-        robot = Robot.load(robot_named(name).path)
-        assert robot.feet["left"].link == link
-        np.testing.assert_allclose(
-            robot.feet["left"].polygon, robot_named(name).feet["left"].polygon, atol=1e-12
-        )
+@pytest.mark.parametrize(("name", "link"), [("g1", "left_ankle_roll_link"), ("romeo", "l_ankle")])
+def test_the_lowest_link_of_a_side_is_the_foot(name: str, link: str, robot_named: Load) -> None:
+    whole = robot_named(name)
+    foot = Robot.load(whole.path).feet["left"]
+    assert foot.link == link
+    np.testing.assert_allclose(foot.polygon, whole.feet["left"].polygon, atol=1e-12)
 
 
-@pytest.mark.parametrize("axis", ["x", "y", "-x", "diagonal", "none"])
-def test_the_sole_faces_down_however_its_link_is_turned(tmp_path: Path, axis: str) -> None:
-    axes = {"x": (1, 0, 0), "y": (0, 1, 0), "-x": (-1, 0, 0), "diagonal": (1, 1, 1)}
-    turn = pin.exp3(2.0 * np.array(axes.get(axis, (0, 0, 0))))  # 2 rad and more, no right angle
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (1, 1, 1), (0, 0, 0)], ids=str)
+def test_the_sole_faces_down_however_its_link_is_turned(axis: tuple[int, int, int]) -> None:
+    turn = pin.exp3(2.0 * np.array(axis))  # 2 rad and more, no right angle
     rpy = [" ".join(map(str, pin.rpy.matrixToRpy(R).tolist())) for R in (turn, turn.T)]
     centre = " ".join(map(str, (turn.T @ [0.02, 0, -0.05]).tolist()))
-    shape = (
-        f'<collision><origin xyz="{centre}" rpy="{rpy[1]}"/>'
-        '<geometry><box size="0.2 0.1 0.02"/></geometry></collision>'
-    )
-    robot = Robot.load(legged(tmp_path, rpy[0], shape))
+    robot = Robot.load(legged(rpy[0], urdf.collision('box size="0.2 0.1 0.02"', centre, rpy[1])))
     foot = robot.feet["left"]
-    expected = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
-    np.testing.assert_allclose(unordered(foot.polygon), unordered(expected), atol=1e-9)
+    np.testing.assert_allclose(unordered(foot.polygon), unordered(SOLE), atol=1e-9)
     s = robot.snapshot(robot.postures["neutral"])
     np.testing.assert_allclose(s.rotation(foot.frame), np.eye(3), atol=1e-9)
     np.testing.assert_allclose(s.position(foot.frame), [0.02, 0.1, -0.56], atol=1e-9)
 
 
-def test_a_level_sole_that_the_posture_tilts_is_still_level(tmp_path: Path) -> None:
-    robot = Robot.load(legged(tmp_path, "0.02 -0.01 0"))  # rad: one degree
-    expected = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
+def test_a_level_sole_that_the_posture_tilts_is_still_level() -> None:
+    robot = Robot.load(legged("0.02 -0.01 0"))  # rad: one degree
     polygon = robot.feet["left"].polygon
-    np.testing.assert_allclose(unordered(polygon), unordered(expected), atol=1e-9)
+    np.testing.assert_allclose(unordered(polygon), unordered(SOLE), atol=1e-9)
     s = robot.snapshot(robot.postures["neutral"])
     np.testing.assert_allclose(s.rotation("left_sole"), s.rotation("left_foot"), atol=1e-12)
 
 
-def test_a_given_polygon_is_taken(tmp_path: Path) -> None:
-    path = legged(tmp_path, shape="")
+@pytest.mark.parametrize("kind", [FootSpec, dict])
+def test_a_given_polygon_is_taken(kind: type) -> None:
     corners = [[0.1, 0.0], [0.0, 0.03], [0.0, -0.03], [0.03, 0.0]]  # any order, one inside
-    for spec in (
-        FootSpec("left_foot", corners, 0.07),
-        {"link": "left_foot", "polygon": corners, "height": 0.07},
-    ):
-        robot = Robot.load(path, feet={"paw": spec})
-        assert list(robot.feet) == ["paw"]
-        s = robot.snapshot(robot.postures["neutral"])
-        np.testing.assert_allclose(s.position("paw_sole"), [0.1 / 3, 0.1, -0.57], atol=1e-12)
-        polygon = robot.feet["paw"].polygon + np.array([0.1 / 3, 0.0])
-        np.testing.assert_allclose(unordered(polygon), unordered(np.array(corners[:3])), atol=1e-12)
-        assert area(polygon) == pytest.approx(0.003)
+    spec = kind(link="left_foot", polygon=corners, height=0.07)
+    robot = Robot.load(legged(shape=""), feet={"paw": spec})
+    assert list(robot.feet) == ["paw"]
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.position("paw_sole"), [0.1 / 3, 0.1, -0.57], atol=1e-12)
+    polygon = robot.feet["paw"].polygon + np.array([0.1 / 3, 0.0])
+    np.testing.assert_allclose(unordered(polygon), unordered(np.array(corners[:3])), atol=1e-12)
+    assert area(polygon) == pytest.approx(0.003)
 
 
-def test_feet_that_make_no_sense_are_refused(tmp_path: Path) -> None:
-    path = legged(tmp_path)
-    with pytest.raises(UnknownNameError, match="did you mean 'left_foot'"):
-        Robot.load(path, feet={"left": FootSpec("left_fot")})
-    with pytest.raises(InvalidInputError, match="foot 'left'"):
-        Robot.load(path, feet={"left": {"lnk": "left_foot"}})
-    with pytest.raises(InvalidInputError, match="foot 'left', link"):
-        Robot.load(path, feet={"left": {"link": ["left_foot"]}})
-    with pytest.raises(InvalidInputError, match="polygon"):
-        Robot.load(path, feet={"left": FootSpec("left_foot", [[0.0, 1.0, 2.0]])})
-    for wrong in ([], 3.0):
-        with pytest.raises(InvalidInputError, match="corners"):
-            Robot.load(path, feet={"left": FootSpec("left_foot", wrong)})
-    with pytest.raises(InvalidInputError, match="foot 'left': polygon"):
-        Robot.load(path, feet={"left": {"link": "left_foot", "polygon": [[1, 2], [3]]}})
-    with pytest.raises(InvalidInputError, match="no shape"):
-        Robot.load(legged(tmp_path, shape=""), feet={"left": FootSpec("left_foot")})
-    with pytest.raises(InvalidInputError, match="does not point up"):
-        upside_down = legged(tmp_path, "3.14159 0 0")
-        Robot.load(upside_down, feet={"left": FootSpec("left_foot", [[0, 0], [1, 0], [0, 1]])})
+@pytest.mark.parametrize(
+    ("spec", "said", "text"),
+    [
+        (FootSpec("left_fot"), "did you mean 'left_foot'", legged()),
+        ({"lnk": "left_foot"}, "foot 'left'", legged()),
+        ({"link": ["left_foot"]}, "foot 'left', link", legged()),
+        (FootSpec("left_foot", [[0.0, 1.0, 2.0]]), "polygon", legged()),
+        (FootSpec("left_foot", []), "corners", legged()),
+        (FootSpec("left_foot", 3.0), "corners", legged()),
+        ({"link": "left_foot", "polygon": [[1, 2], [3]]}, "foot 'left': polygon", legged()),
+        (FootSpec("left_foot"), "no shape", legged(shape="")),
+        (FootSpec("left_foot", SOLE), "does not point up", legged("3.14159 0 0")),
+    ],
+)
+def test_feet_that_make_no_sense_are_refused(spec: object, said: str, text: str) -> None:
+    with pytest.raises((InvalidInputError, UnknownNameError), match=said):
+        Robot.load(text, feet={"left": spec})
 
 
 def fixed_frame(name: str, xyz: str) -> str:
@@ -454,17 +408,16 @@ def fixed_frame(name: str, xyz: str) -> str:
     )
 
 
-def test_a_frame_of_the_file_is_used_again_if_it_agrees(tmp_path: Path) -> None:
-    near = legged(tmp_path, extra=fixed_frame("left_sole", "0.0195 0 -0.06"))
-    robot = Robot.load(near)
+def test_a_frame_of_the_file_is_used_again_if_it_agrees() -> None:
+    robot = Robot.load(legged(extra=fixed_frame("left_sole", "0.0195 0 -0.06")))
     assert robot.feet["left"].frame == "left_sole"
     assert robot.notes == ()
     # 0.5 mm between the file's frame and the middle of the sole: the polygon makes up for it
     np.testing.assert_allclose(robot.feet["left"].polygon.mean(axis=0), [0.0005, 0], atol=1e-12)
 
 
-def test_a_frame_of_the_file_that_disagrees_is_left_alone(tmp_path: Path) -> None:
-    robot = Robot.load(legged(tmp_path, extra=fixed_frame("left_sole", "0 0 -0.06")))
+def test_a_frame_of_the_file_that_disagrees_is_left_alone() -> None:
+    robot = Robot.load(legged(extra=fixed_frame("left_sole", "0 0 -0.06")))
     assert robot.feet["left"].frame == "left_sole_centre"
     assert "left_sole_centre" in robot.notes[0]
     s = robot.snapshot(robot.postures["neutral"])
@@ -586,7 +539,5 @@ def test_feet_of_other_legs_with_the_same_side_in_their_names_are_told() -> None
     box = '<geom type="box" size=".06 .03 .02"/>'
     robot = Robot.load(six_legged(["l1", "l2", "l3", "r1", "r2", "r3"], box))
     assert {foot.link for foot in robot.feet.values()} == {"l1_foot", "r1_foot"}
-    said = (
-        "l2_foot, l3_foot, r2_foot, r3_foot of other legs are called so, too, as l1_foot, r1_foot"
-    )
+    said = "l2_foot, l3_foot, r2_foot, r3_foot of other legs are called so, too, as l1_foot, r1_"
     assert any(said in note for note in robot.notes)
