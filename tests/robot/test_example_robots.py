@@ -16,63 +16,42 @@ from wbc.robot.library import find_robot
 
 FOLDER = next(one for one in find_robot("g1").path.parents if one.name == "robots")
 
-HUMANOIDS = (
-    "alexander_description/urdf/alexander_v1.lowerBodyOnly",
-    "bolt_description/robots/bolt",
-    "g1_description/urdf/g1_29dof_rev_1_0",
-    "g1_description/urdf/g1_29dof_with_hand_rev_1_0",
-    "human_description/robots/human",
-    "icub_description/robots/icub",
-    "icub_description/robots/icub_reduced",
-    "romeo_description/urdf/romeo_small",
-    "talos_data/robots/talos_full_v2",
-    "talos_data/robots/talos_full_v2_box",
-    "talos_data/robots/talos_reduced",
-    "talos_data/robots/talos_reduced_box",
-    "talos_data/robots/talos_reduced_corrected",
-)
-QUADRUPEDS = (
-    "a1_description/urdf/a1",
-    "anymal_b_simple_description/robots/anymal",
-    "anymal_b_simple_description/robots/anymal-kinova",
-    "anymal_c_simple_description/urdf/anymal",
-    "b1_description/urdf/b1",
-    "b1_description/urdf/b1-z1",
-    "go1_description/urdf/go1",
-    "go2_description/urdf/go2",
-    "hyq_description/robots/hyq_no_sensors",
-    "laikago_description/urdf/laikago",
-    "quadruped_description/urdf/quadruped",
-    "solo_description/robots/solo",
-    "solo_description/robots/solo12",
-)
-ARMS = (  # and hands, and two bodies on a column
-    "allegro_hand_description/urdf/allegro_left_hand",
-    "allegro_hand_description/urdf/allegro_right_hand",
-    "asr_twodof_description/urdf/TwoDofs",
-    "baxter_description/urdf/baxter",
-    "double_pendulum_description/urdf/double_pendulum",
-    "double_pendulum_description/urdf/double_pendulum_continuous",
-    "double_pendulum_description/urdf/double_pendulum_simple",
-    "finger_edu_description/robots/finger_edu",
-    "kinova_description/robots/kinova",
-    "panda_description/urdf/panda",
-    "panda_description/urdf/panda_collision",
-    "pr2_description/urdf/pr2",
-    "so_arm_description/urdf/so100",
-    "so_arm_description/urdf/so101",
-    "talos_data/robots/talos_left_arm",
-    "ur_description/urdf/ur10_joint_limited_robot",
-    "ur_description/urdf/ur10_robot",
-    "ur_description/urdf/ur3_gripper",
-    "ur_description/urdf/ur3_joint_limited_robot",
-    "ur_description/urdf/ur3_robot",
-    "ur_description/urdf/ur5_gripper",
-    "ur_description/urdf/ur5_joint_limited_robot",
-    "ur_description/urdf/ur5_robot",
-    "xarm_description/urdf/xarm7",
-    "z1_description/urdf/z1",
-)
+
+def files(names: str) -> list[str]:
+    return names.split()
+
+
+HUMANOIDS = files("""
+alexander_description/urdf/alexander_v1.lowerBodyOnly bolt_description/robots/bolt
+g1_description/urdf/g1_29dof_rev_1_0 g1_description/urdf/g1_29dof_with_hand_rev_1_0
+human_description/robots/human icub_description/robots/icub icub_description/robots/icub_reduced
+romeo_description/urdf/romeo_small talos_data/robots/talos_full_v2
+talos_data/robots/talos_full_v2_box talos_data/robots/talos_reduced
+talos_data/robots/talos_reduced_box talos_data/robots/talos_reduced_corrected
+""")
+QUADRUPEDS = files("""
+a1_description/urdf/a1 anymal_b_simple_description/robots/anymal
+anymal_b_simple_description/robots/anymal-kinova anymal_c_simple_description/urdf/anymal
+b1_description/urdf/b1 b1_description/urdf/b1-z1 go1_description/urdf/go1 go2_description/urdf/go2
+hyq_description/robots/hyq_no_sensors laikago_description/urdf/laikago
+quadruped_description/urdf/quadruped solo_description/robots/solo solo_description/robots/solo12
+""")
+# Arms, hands, and two bodies on a column.
+ARMS = files("""
+allegro_hand_description/urdf/allegro_left_hand allegro_hand_description/urdf/allegro_right_hand
+asr_twodof_description/urdf/TwoDofs baxter_description/urdf/baxter
+double_pendulum_description/urdf/double_pendulum
+double_pendulum_description/urdf/double_pendulum_continuous
+double_pendulum_description/urdf/double_pendulum_simple finger_edu_description/robots/finger_edu
+kinova_description/robots/kinova panda_description/urdf/panda
+panda_description/urdf/panda_collision pr2_description/urdf/pr2 so_arm_description/urdf/so100
+so_arm_description/urdf/so101 talos_data/robots/talos_left_arm
+ur_description/urdf/ur10_joint_limited_robot ur_description/urdf/ur10_robot
+ur_description/urdf/ur3_gripper ur_description/urdf/ur3_joint_limited_robot
+ur_description/urdf/ur3_robot ur_description/urdf/ur5_gripper
+ur_description/urdf/ur5_joint_limited_robot ur_description/urdf/ur5_robot
+xarm_description/urdf/xarm7 z1_description/urdf/z1
+""")
 NO_FEET = {  # what floats, and why it has no feet
     "alex_description/urdf/alex_nub_hands": "are called hands or wheels",
     "alex_description/urdf/alex_sake_hands": "are called hands or wheels",
@@ -101,28 +80,19 @@ def load(name: str, **given: object) -> Robot:
     return Robot.load(FOLDER / f"{name}.urdf", **given)
 
 
-def corners(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return the corners (k, 3) of all soles, frames placed by Pinocchio."""
-    data = robot.model.createData()
+def assert_stands(robot: Robot) -> None:
+    """Soles on the ground, all else above it, and the CoM over them; placed by Pinocchio."""
+    q, data = robot.posture("standing"), robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
-    found = []
+    com, soles = pin.centerOfMass(robot.model, data, q), []
     for foot in robot.feet.values():
         pose = data.oMf[robot.model.getFrameId(foot.frame)]
-        found += [pose.act(np.append(corner, 0.0)) for corner in foot.polygon]
-    return np.array(found)
-
-
-def assert_stands(robot: Robot) -> None:
-    """Soles on the ground, all else above it, and the CoM over them."""
-    q = robot.posture("standing")
-    soles = corners(robot, q)
-    np.testing.assert_allclose(soles[:, 2], 0.0, atol=1e-3)  # m
-    data = robot.model.createData()
-    com = pin.centerOfMass(robot.model, data, q)
+        soles += [pose.act(np.append(corner, 0.0)) for corner in foot.polygon]
+    corners = np.array(soles)
+    np.testing.assert_allclose(corners[:, 2], 0.0, atol=1e-3)  # m
     turns = np.linspace(0, 2 * np.pi, 720)
     directions = np.stack([np.cos(turns), np.sin(turns)])
-    assert ((soles[:, :2] - com[:2]) @ directions).max(axis=0).min() > 0.0
-    pin.forwardKinematics(robot.model, data, q)
+    assert ((corners[:, :2] - com[:2]) @ directions).max(axis=0).min() > 0.0
     assert min(pose.translation[2] for pose in list(data.oMi)[1:]) > 0.0
     assert com[2] > 0.08  # m
     positions = robot.limits.joint_positions(q)

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.urdf import stone
+from tests.standing import sole_corners
 from wbc.errors import ModelError, UnknownNameError
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot, robot_names
 from wbc.robot.library import DATA_VARIABLE, ROBOTS, find_robot
 
@@ -22,17 +23,14 @@ MASSES = {"hoap2_like": 7.1, "g1": 33.3, "g1_27": 33.3, "talos": 90.3, "icub": 2
 VELOCITIES = {"hoap2_like": 31, "g1": 35, "g1_27": 33, "talos": 36, "icub": 38, "romeo": 37}
 
 
-def document(robot: Robot) -> ET.Element:
-    return ET.parse(robot.path).getroot()
-
-
 def test_every_named_robot_is_checked_here() -> None:
     assert set(robot_names()) == set(MASSES) == set(VELOCITIES)
 
 
 @pytest.mark.parametrize("name", robot_names())
 def test_sizes_and_mass_are_those_of_the_file(name: str, robot_named: Load) -> None:
-    robot, root = robot_named(name), document(robot_named(name))
+    robot = robot_named(name)
+    root = ET.parse(robot.path).getroot()
     kinds = [joint.get("type") for joint in root.findall("joint")]
     moving = sum(kind in {"revolute", "prismatic", "continuous"} for kind in kinds)
     masses = [float(mass.get("value", "nan")) for mass in root.findall("link/inertial/mass")]
@@ -56,32 +54,16 @@ def test_every_robot_has_all_limits_and_both_feet(name: str, robot_named: Load) 
 
 
 @pytest.mark.parametrize("name", robot_names())
-def test_standing_is_flat_on_the_ground(name: str, robot_named: Load) -> None:
-    robot = robot_named(name)
-    s = robot.snapshot(robot.posture("standing"))
-    assert list(robot.feet) == ["left", "right"]
-    for foot in robot.feet.values():
-        R, p = s.rotation(foot.frame), s.position(foot.frame)
-        corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))]) @ R.T + p
-        # m; iCub's file rounds the turns of its frames to 5 digits, Romeo's posture has 7
-        np.testing.assert_allclose(corners[:, 2], 0.0, atol=2e-5 if name == "icub" else 1e-7)
-
-
-@pytest.mark.parametrize("name", robot_names())
-def test_standing_is_balanced_and_within_limits(name: str, robot_named: Load) -> None:
+def test_standing_is_flat_on_the_ground_balanced_and_within_limits(
+    name: str, robot_named: Load
+) -> None:
     robot = robot_named(name)
     q = robot.posture("standing")
     s = robot.snapshot(q)
-    soles = [
-        foot.polygon @ s.rotation(foot.frame)[:2, :2].T + s.position(foot.frame)[:2]
-        for foot in robot.feet.values()
-    ]
-    corners = np.concatenate(soles)
-    # the nearest edge of the hull is as far as the least support in any direction
-    turns = np.linspace(0, 2 * np.pi, 720)
-    directions = np.stack([np.cos(turns), np.sin(turns)])
-    margin = ((corners - s.com[:2]) @ directions).max(axis=0).min()
-    assert margin > 0.03  # m
+    corners = sole_corners(s)
+    # m; iCub's file rounds the turns of its frames to 5 digits, Romeo's posture has 7
+    np.testing.assert_allclose(corners[:, 2], 0.0, atol=2e-5 if name == "icub" else 1e-7)
+    assert polygon_margin(convex_hull(corners[:, :2]), s.com[:2]) > 0.03  # m
     positions = robot.limits.joint_positions(q)
     assert (positions >= robot.limits.lower).all() and (positions <= robot.limits.upper).all()
 
@@ -98,10 +80,9 @@ def test_standing_bends_both_knees_alike(name: str, robot_named: Load) -> None:
 
 
 def test_notes_say_what_is_odd_in_the_files(robot_named: Load) -> None:
-    assert any(
-        "taken as points" in note and "r_hip_1" in note for note in robot_named("icub").notes
-    )
-    assert any("90 degrees" in note for note in robot_named("icub").notes)
+    told = robot_named("icub").notes
+    assert any("taken as points" in note and "r_hip_1" in note for note in told)
+    assert any("90 degrees" in note for note in told)
     (note,) = robot_named("romeo").notes
     assert "RShoulderYawLink, RElbowYawLink" in note  # izz ten times smaller than on the left
     for name in ("hoap2_like", "g1", "g1_27", "talos"):
@@ -114,25 +95,22 @@ def test_loading_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr() == ("", "")
 
 
-def test_half_sitting_is_read_from_the_srdf(robot_named: Load) -> None:
-    for name in ("talos", "icub", "romeo"):
-        robot = robot_named(name)
-        assert robot.srdf is not None
-        states = ET.parse(robot.srdf).findall("group_state[@name='half_sitting']/joint")
-        q = robot.limits.joint_positions(robot.postures["half_sitting"])
-        read = {joint.get("name"): joint.get("value", "") for joint in states}
-        known = [n for n in robot.joint_names if n in read]
-        assert len(known) > 25
-        for joint in known:
-            value = q[robot.joint_index(joint) - 6]
-            assert value == pytest.approx(float(read[joint]), abs=1e-6)  # digits of the limits
+@pytest.mark.parametrize("name", ["talos", "icub", "romeo"])
+def test_half_sitting_is_read_from_the_srdf(name: str, robot_named: Load) -> None:
+    robot = robot_named(name)
+    states = ET.parse(robot.srdf).findall("group_state[@name='half_sitting']/joint")
+    read = {joint.get("name"): joint.get("value", "") for joint in states}
+    q = robot.limits.joint_positions(robot.postures["half_sitting"])
+    found = dict(zip(robot.joint_names, q.tolist(), strict=True))
+    known = [joint for joint in found if joint in read]
+    assert len(known) > 25
+    for joint in known:
+        assert found[joint] == pytest.approx(float(read[joint]), abs=1e-6)  # digits of the limits
 
 
 def test_the_waist_of_g1_27_is_bolted(g1: Robot, g1_27: Robot) -> None:
-    assert set(g1.joint_names) - set(g1_27.joint_names) == {
-        "waist_roll_joint",
-        "waist_pitch_joint",
-    }
+    bolted = set(g1.joint_names) - set(g1_27.joint_names)
+    assert bolted == {"waist_roll_joint", "waist_pitch_joint"}
     same = g1_27.snapshot(g1_27.posture()), g1.snapshot(g1.posture())
     np.testing.assert_allclose(same[0].com, same[1].com, atol=1e-12)
     np.testing.assert_allclose(same[0].inertia, same[1].inertia, atol=1e-12)
@@ -162,27 +140,3 @@ def test_the_data_may_be_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv(DATA_VARIABLE, str(tmp_path))
     assert find_robot("g1").path == file
     assert find_robot("talos").path.is_file()  # not there, but installed
-
-
-def test_robot_descriptions_are_taken_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    package = tmp_path / "robot_descriptions"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "toy_description.py").write_text(
-        f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\nPACKAGE_PATH = {str(tmp_path)!r}\n"
-    )
-    (package / "bare_description.py").write_text("REPOSITORY_PATH = ''\n")
-    (package / "lost_description.py").write_text("raise OSError('no network')\n")
-    (tmp_path / "toy.urdf").write_text(stone(mass=1))
-    monkeypatch.syspath_prepend(tmp_path)
-    for module in ("", ".toy_description", ".bare_description", ".lost_description"):
-        monkeypatch.delitem(sys.modules, f"robot_descriptions{module}", raising=False)
-    assert Robot.load("toy").mass == Robot.load("toy_description").mass == 1.0
-    with pytest.raises(ModelError, match="neither a URDF nor an MJCF"):
-        Robot.load("bare")
-    with pytest.raises(ModelError, match="no network"):
-        Robot.load("lost")
-    with pytest.raises(UnknownNameError):
-        Robot.load("tooy")

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
+from tests.standing import sole_corners
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 
@@ -38,14 +39,14 @@ def test_patterns_select_joints(hoap2: Robot) -> None:
 
 
 def test_unknown_names_suggest_the_nearest(hoap2: Robot) -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
-        hoap2.joint_index("left_knee_pich")
-    with pytest.raises(UnknownNameError, match="unknown joint 'lef_"):
-        hoap2.joint_indices("lef_*")
-    with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
-        hoap2.frame_id("left_soul")
-    with pytest.raises(UnknownNameError, match="did you mean 'standing'"):
-        hoap2.posture("standin")
+    for ask, name, said in (
+        (hoap2.joint_index, "left_knee_pich", "did you mean 'left_knee_pitch'"),
+        (hoap2.joint_indices, "lef_*", "unknown joint 'lef_"),
+        (hoap2.frame_id, "left_soul", "did you mean 'left_sole'"),
+        (hoap2.posture, "standin", "did you mean 'standing'"),
+    ):
+        with pytest.raises(UnknownNameError, match=said):
+            ask(name)
 
 
 def test_every_frame_name_is_a_frame(robot: Robot) -> None:
@@ -86,13 +87,9 @@ def test_a_posture_changes_the_joints_it_is_told_to(hoap2: Robot) -> None:
 
 def test_a_posture_is_put_on_the_ground(hoap2: Robot) -> None:
     q = hoap2.posture("standing", {"right_knee_pitch": 1.2, "right_hip_pitch": -0.6})
-    s = hoap2.snapshot(q)
-    heights = []
-    for foot in hoap2.feet.values():
-        corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
-        heights.append((corners @ s.rotation(foot.frame).T + s.position(foot.frame))[:, 2].min())
-    assert min(heights) == pytest.approx(0.0, abs=1e-12)
-    assert max(heights) > 0.01  # the bent leg is lifted
+    left, right = sole_corners(hoap2.snapshot(q))[:, 2].reshape(2, -1).min(axis=1)
+    assert left == pytest.approx(0.0, abs=1e-12)
+    assert right > 0.01  # the bent leg is lifted
     lifted = hoap2.posture("neutral", on_ground=False)
     np.testing.assert_array_equal(lifted, hoap2.postures["neutral"])
 
@@ -146,22 +143,18 @@ def test_difference_undoes_integration(robot: Robot, rng: np.random.Generator) -
     for _ in range(10):
         q = robot.integrate(robot.postures["neutral"], rng.normal(size=robot.nv), 1.0)
         v = rng.normal(size=robot.nv)
-        # 1e-9: the logarithm loses digits as a turn nears pi
-        np.testing.assert_allclose(
-            robot.difference(q, robot.integrate(q, v, 0.5)), 0.5 * v, atol=1e-9
-        )
+        found = robot.difference(q, robot.integrate(q, v, 0.5))
+        np.testing.assert_allclose(found, 0.5 * v, atol=1e-9)  # logarithms lose digits near pi
 
 
 def test_the_angle_of_a_continuous_joint_must_be_one(robot_named: Load) -> None:
     robot = robot_named("mixed_joints")
     k = robot.limits.unbounded[0]
-    start = robot.limits.starts[k]
+    turn = slice(robot.limits.starts[k], robot.limits.starts[k] + 2)
     q = robot.postures["neutral"].copy()
-    q[start : start + 2] = 0.6 * 1.0005, 0.8 * 1.0005
-    np.testing.assert_allclose(
-        robot.check_configuration(q)[start : start + 2], [0.6, 0.8], atol=1e-15
-    )
-    q[start] = 0.7
+    q[turn] = 0.6 * 1.0005, 0.8 * 1.0005
+    np.testing.assert_allclose(robot.check_configuration(q)[turn], [0.6, 0.8], atol=1e-15)
+    q[turn.start] = 0.7
     with pytest.raises(InvalidInputError, match=f"joint '{robot.joint_names[k]}' has norm"):
         robot.check_configuration(q)
 
@@ -183,22 +176,19 @@ def test_a_robot_does_not_change(hoap2: Robot) -> None:
         hoap2.postures["standing"] = hoap2.posture()  # type: ignore[index]
 
 
+def pickled(robot: Robot) -> Robot:
+    return pickle.loads(pickle.dumps(robot))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "again", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))]
-)
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, pickled])
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27", "mixed_joints"])
-def test_a_copy_is_the_same_robot_with_its_own_memory(
-    name: str, robot_named: Load, rng: np.random.Generator, again: Callable[[Robot], Robot]
-) -> None:
+def test_a_copy_is_the_same_robot_with_its_own_memory(name, robot_named, rng, again) -> None:
     robot = robot_named(name)
     other = again(robot)
     assert other.native is not robot.native
-    assert (other.name, other.frame_names, other.notes) == (
-        robot.name,
-        robot.frame_names,
-        robot.notes,
-    )
+    for name in ("name", "frame_names", "notes"):
+        assert getattr(other, name) == getattr(robot, name)
     assert not other.postures["standing"].flags.writeable
     q = robot.integrate(robot.posture(), rng.normal(size=robot.nv), 0.1)
     s, t = robot.snapshot(q), other.snapshot(q)
@@ -232,10 +222,8 @@ def test_locking_by_pattern_keeps_the_rest_of_the_posture(hoap2: Robot) -> None:
     legs = Robot.load("hoap2_like", locked={"*shoulder*": 0.0, "*elbow*": -0.3, "head_*": 0.0})
     assert legs.nv == hoap2.nv - 10
     assert legs.mass == pytest.approx(hoap2.mass, rel=1e-12)
-    knee = legs.joint_index("left_knee_pitch") + 1
-    assert legs.postures["standing"][knee] == pytest.approx(
-        hoap2.postures["standing"][hoap2.joint_index("left_knee_pitch") + 1]
-    )
+    bent = [one.posture()[one.joint_index("left_knee_pitch") + 1] for one in (legs, hoap2)]
+    assert bent[0] == pytest.approx(bent[1])
     with pytest.raises(UnknownNameError, match="unknown joint to lock 'head_roll'"):
         Robot.load("hoap2_like", locked={"head_roll": 0.0})
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.robot.formats.mjcf_texts import LEGS, arm, text
+from tests.urdf import stone
 from wbc.errors import MissingPackageError, ModelError, UnknownNameError
 from wbc.problem.robot_spec import RobotSpec
 from wbc.robot import Robot
@@ -64,17 +65,12 @@ def test_robots_of_the_menagerie_are_taken_by_name(menagerie: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [
-        ("menagerie:toy_amr", "toy_arm"),
-        ("menagerie:toy_arm/secne", "scene"),
-        ("menagerie:", "toy_arm"),
-    ],
+    [("toy_amr", "toy_arm"), ("toy_arm/secne", "scene"), ("", "toy_arm")],
 )
-def test_names_that_the_menagerie_does_not_have_are_told(
-    menagerie: Path, name: str, said: str
-) -> None:
+@pytest.mark.usefixtures("menagerie")
+def test_names_that_the_menagerie_does_not_have_are_told(name: str, said: str) -> None:
     with pytest.raises(UnknownNameError, match=said):
-        Robot.load(name)
+        Robot.load(f"menagerie:{name}")
 
 
 def test_what_cannot_be_downloaded_is_said(menagerie: Path) -> None:
@@ -90,9 +86,7 @@ def test_what_cannot_be_downloaded_is_said(menagerie: Path) -> None:
         ("robot_descriptions", "robot_descriptions:g1", "descriptions"),
     ],
 )
-def test_a_package_that_is_missing_is_named(
-    monkeypatch: pytest.MonkeyPatch, package: str, name: str, extra: str
-) -> None:
+def test_a_package_that_is_missing_is_named(monkeypatch, package: str, name: str, extra: str):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=rf"pip install 'wbc\[{extra}\]'"):
         Robot.load(name)
@@ -114,18 +108,32 @@ def test_the_real_menagerie_reads_its_own_cache(
     assert find_robot("menagerie:unitree_g1").path.parent == folder
 
 
-def test_robot_descriptions_may_be_named_as_such(
+def test_robot_descriptions_are_taken_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    modules = {
+        "": "",
+        ".toy_description": f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\nPACKAGE_PATH = ''\n",
+        ".toy_mj_description": f"MJCF_PATH = {str(tmp_path / 'toy.xml')!r}\n",
+        ".bare_description": "REPOSITORY_PATH = ''\n",
+        ".lost_description": "raise OSError('no network')\n",
+    }
     package = tmp_path / "robot_descriptions"
     package.mkdir()
-    (package / "__init__.py").write_text("")
-    (tmp_path / "r.xml").write_text(text(arm()))
-    (package / "toy_mj_description.py").write_text(f"MJCF_PATH = {str(tmp_path / 'r.xml')!r}\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    for module in ("", ".toy_mj_description"):
+    for module, content in modules.items():
+        (package / f"{module[1:] or '__init__'}.py").write_text(content)
         monkeypatch.delitem(sys.modules, f"robot_descriptions{module}", raising=False)
+    (tmp_path / "toy.urdf").write_text(stone(mass=1))
+    (tmp_path / "toy.xml").write_text(text(arm()))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert Robot.load("toy").mass == Robot.load("toy_description").mass == 1.0
     for name in ("toy_mj", "robot_descriptions:toy_mj", "robot_descriptions:toy_mj_description"):
         assert Robot.load(name, feet={}).joint_names == ("j1",)
-    with pytest.raises(UnknownNameError, match="toy_mj_description"):
-        Robot.load("robot_descriptions:toy_jm_description")
+    for name, error, said in (
+        ("bare", ModelError, "neither a URDF nor an MJCF"),
+        ("lost", ModelError, "no network"),
+        ("tooy", UnknownNameError, "tooy"),
+        ("robot_descriptions:toy_jm_description", UnknownNameError, "toy_mj_description"),
+    ):
+        with pytest.raises(error, match=said):
+            Robot.load(name)
