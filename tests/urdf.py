@@ -8,16 +8,20 @@ GEARED = {
 }
 
 
-def inertial(mass: float = 1, moment: float = 0.01, at: str = "0 0 0") -> str:
-    """A body with the same moment of inertia [kg m^2] about all axes, its CoM at a place [m]."""
+Moments = float | tuple[float, float, float]  # about all axes, or about x, y, z [kg m^2]
+
+
+def inertial(mass: float = 1, moment: Moments = 0.01, at: str = "0 0 0") -> str:
+    """A body with these moments of inertia, its CoM at a place [m]."""
+    ixx, iyy, izz = moment if isinstance(moment, tuple) else (moment,) * 3
     return (
-        f'<inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="{moment}" ixy="0"'
-        f' ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/></inertial>'
+        f'<inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="{ixx}" ixy="0"'
+        f' ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/></inertial>'
     )
 
 
 def link(
-    name: str, inside: str = "", mass: float = 1, moment: float = 0.01, at: str = "0 0 0"
+    name: str, inside: str = "", mass: float = 1, moment: Moments = 0.01, at: str = "0 0 0"
 ) -> str:
     return f'<link name="{name}">{inertial(mass, moment, at)}{inside}</link>'
 

@@ -3,24 +3,24 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from tests import urdf
 from wbc.errors import ModelError
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import confirm
 
 HERE = Path("somewhere.urdf")
-URDF = """<robot name="arm">
-  <link name="base"><inertial><mass value="4"/>{0}</inertial></link>
-  <link name="flange"><inertial><mass value="0.5"/>{0}</inertial></link>
-  <link name="upper"><inertial><mass value="2"/>{0}</inertial></link>
-  <link name="lower"><inertial><mass value="1"/>{0}</inertial></link>
-  <link name="tip"><inertial><mass value="0.25"/>{0}</inertial></link>
-  <joint name="bolted" type="fixed"><parent link="base"/><child link="flange"/></joint>
-  <joint name="shoulder" type="continuous"><parent link="flange"/><child link="upper"/></joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/></joint>
-  <joint name="glued" type="fixed"><parent link="lower"/><child link="tip"/></joint>
-</robot>""".format('<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>')
+LINKS = {"base": 4, "flange": 0.5, "upper": 2, "lower": 1, "tip": 0.25}
+URDF = urdf.robot(
+    "arm",
+    *(urdf.link(name, mass=mass, moment=1) for name, mass in LINKS.items()),
+    urdf.joint("bolted", "base", "flange", kind="fixed", limit=""),
+    urdf.joint("shoulder", "flange", "upper", kind="continuous", limit=""),
+    urdf.joint("elbow", "upper", "lower", kind="continuous", limit=""),
+    urdf.joint("glued", "lower", "tip", kind="fixed", limit=""),
+)
 MASSES = {"": 4.5, "shoulder": 2.0, "elbow": 1.25}
 
 
@@ -53,8 +53,6 @@ def test_joints_that_are_not_there_are_found(model) -> None:
 
 def test_a_reader_that_swaps_two_bodies_is_caught(tmp_path: Path, monkeypatch) -> None:
     """The parser is made to give the links' masses to each other."""
-    import pinocchio as pin
-
     build = pin.buildModelFromXML
 
     def swapped(text: str, *joint):

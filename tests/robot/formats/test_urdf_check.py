@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf as toy
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.formats import urdf, urdf_check
@@ -29,14 +30,14 @@ JOINT = (
 
 
 def write(folder: Path, base: str = LINK.format("base", 5), middle: str = "revolute") -> Path:
-    path = folder / "r.urdf"
-    path.write_text(
-        f'<robot name="r">{base}{LINK.format("l1", 1)}{LINK.format("l2", 2)}{LINK.format("l3", 1)}'
-        + JOINT.format("j1", "revolute", "base", "l1", "0 1 0")
-        + JOINT.format("j2", middle, "l1", "l2", "1 2 -1")
-        + JOINT.format("j3", "prismatic", "l2", "l3", "0 0 1")
-        + "</robot>"
+    links = (LINK.format(f"l{k}", mass) for k, mass in ((1, 1), (2, 2), (3, 1)))
+    joints = (
+        JOINT.format("j1", "revolute", "base", "l1", "0 1 0"),
+        JOINT.format("j2", middle, "l1", "l2", "1 2 -1"),
+        JOINT.format("j3", "prismatic", "l2", "l3", "0 0 1"),
     )
+    path = folder / "r.urdf"
+    path.write_text(toy.robot("r", base, *links, *joints))
     return path
 
 
@@ -67,14 +68,11 @@ def test_the_robots_of_the_library_are_compared(compared: list[Path]) -> None:
     assert compared == [robot.path]
 
 
-def shifted(model: pin.Model) -> None:
-    model.jointPlacements[3] = model.jointPlacements[3] * pin.SE3(np.eye(3), np.array([0, 0, 1e-6]))
+def moved(joint: int, pose: pin.SE3) -> Callable[[pin.Model], None]:
+    def fault(model: pin.Model) -> None:
+        model.jointPlacements[joint] = model.jointPlacements[joint] * pose
 
-
-def turned(model: pin.Model) -> None:
-    model.jointPlacements[2] = model.jointPlacements[2] * pin.SE3(
-        pin.exp3(np.full(3, 1e-6)), np.zeros(3)
-    )
+    return fault
 
 
 def fatter(model: pin.Model) -> None:
@@ -89,8 +87,8 @@ def wider(model: pin.Model) -> None:
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
-        (shifted, "frame 'l2'"),
-        (turned, "frame 'l1'"),
+        (moved(3, pin.SE3(np.eye(3), np.array([0, 0, 1e-6]))), "frame 'l2'"),
+        (moved(2, pin.SE3(pin.exp3(np.full(3, 1e-6)), np.zeros(3))), "frame 'l1'"),
         (fatter, "mass matrix"),
         (wider, "the range of joint 'j1'"),
     ],

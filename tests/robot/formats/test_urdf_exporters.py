@@ -19,25 +19,25 @@ LIMIT = toy.limit(effort=20)
 
 
 def chain(
-    folder: Path,
     material: str = "",
     limit: str = LIMIT,
     kind: str = "revolute",
     head: str = "",
     names: tuple[str, str, str] = ("j1", "j2", "j3"),
-) -> Path:
-    """Write a chain of four links; the last three have a ball each."""
+) -> str:
+    """A chain of four links; the last three have a ball each."""
     shape = SHAPE.format(material)
     links = "".join(toy.link(f"l{k}", shape if k else "", at="0 0 -.1") for k in range(4))
     joints = "".join(
         toy.joint(name, f"l{k}", f"l{k + 1}", kind=kind, at="0 0 -.3", limit=limit)
         for k, name in enumerate(names)
     )
-    path = folder / "r.urdf"
-    path.write_text(
-        f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{head}{links}{joints}</robot>'
-    )
-    return path
+    xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    return f'<robot name="r" {xacro}>{head}{links}{joints}</robot>'
+
+
+def bolted(text: str = "", **parts: object) -> Robot:
+    return Robot.load(text or chain(**parts), base="fixed")
 
 
 COLOUR = '<color rgba="1 0 0 1"/>'
@@ -52,24 +52,18 @@ COLOUR = '<color rgba="1 0 0 1"/>'
         ("<material/>", ""),
     ],
 )
-def test_shapes_of_links_with_nameless_materials_are_there(
-    tmp_path: Path, material: str, head: str
-) -> None:
-    whole = SelfCollision(Robot.load(chain(tmp_path), base="fixed"), margin=0.01)
-    robot = Robot.load(chain(tmp_path, material, head=head), base="fixed")
+def test_shapes_of_links_with_nameless_materials_are_there(material: str, head: str) -> None:
+    robot = bolted(material=material, head=head)
     assert (robot.collision_model.ngeoms, robot.visual_model.ngeoms) == (3, 3)
-    found = SelfCollision(robot, margin=0.01).model.labels
-    assert found == whole.model.labels == ("l1 vs l3",)
+    found, whole = (SelfCollision(one, margin=0.01).model.labels for one in (robot, bolted()))
+    assert found == whole == ("l1 vs l3",)
 
 
-def test_shapes_that_the_parser_loses_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        urdf, "complete_materials", lambda root: ()
-    )  # what mends the only such case
+def test_shapes_that_the_parser_loses_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    # What mends the only such case.
+    monkeypatch.setattr(urdf, "complete_materials", lambda root: ())
     with pytest.raises(ModelError, match=r"link 'l1' has 1 collision shapes, but 0 were read"):
-        Robot.load(chain(tmp_path, "<material/>"))
+        Robot.load(chain("<material/>"))
 
 
 @pytest.mark.parametrize(
@@ -83,9 +77,9 @@ def test_shapes_that_the_parser_loses_are_refused(
         ('<material name="m"><texture filename="$(find x)/m.png"/></material>', "$(find x)"),
     ],
 )
-def test_macros_that_were_not_expanded_are_refused(tmp_path: Path, head: str, said: str) -> None:
+def test_macros_that_were_not_expanded_are_refused(head: str, said: str) -> None:
     with pytest.raises(ModelError) as caught:
-        Robot.load(chain(tmp_path, head=head))
+        Robot.load(chain(head=head))
     assert said in str(caught.value) and "expand that first" in str(caught.value)
 
 
@@ -93,9 +87,8 @@ def test_macros_that_were_not_expanded_are_refused(tmp_path: Path, head: str, sa
     "value",
     ["1e10", "1e16", "1e30", "3.4028235e38", "1e300", "1.7976931348623157e308", "inf", "Infinity"],
 )
-def test_numbers_that_stand_for_no_limit_are_none(tmp_path: Path, value: str) -> None:
-    limit = f'<limit lower="-{value}" upper="{value}" velocity="{value}" effort="{value}"/>'
-    robot = Robot.load(chain(tmp_path, limit=limit), base="fixed")
+def test_numbers_that_stand_for_no_limit_are_none(value: str) -> None:
+    robot = bolted(limit=toy.limit(value, value, value))
     for found in (robot.limits.upper, robot.limits.velocity, robot.limits.effort):
         np.testing.assert_array_equal(found, np.inf)
     np.testing.assert_array_equal(robot.limits.lower, -np.inf)
@@ -104,24 +97,22 @@ def test_numbers_that_stand_for_no_limit_are_none(tmp_path: Path, value: str) ->
 
 @pytest.mark.parametrize("zero", ["0", "0.0", "-0.0", "0e0"])
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_limits_that_are_all_zero_were_not_entered(tmp_path: Path, zero: str, kind: str) -> None:
+def test_limits_that_are_all_zero_were_not_entered(zero: str, kind: str) -> None:
     limit = f'<limit lower="{zero}" upper="{zero}" velocity="{zero}" effort="{zero}"/>'
-    robot = Robot.load(chain(tmp_path, limit=limit, kind=kind), base="fixed")
+    robot = bolted(limit=limit, kind=kind)
     np.testing.assert_array_equal(robot.limits.upper, np.inf)
     assert any("limits of j1, j2, j3 are all 0" in note for note in robot.notes)
     meant = limit.replace(f'effort="{zero}"', 'effort="20"')  # a joint that is held
-    robot = Robot.load(chain(tmp_path, limit=meant, kind=kind), base="fixed")
-    np.testing.assert_array_equal(robot.limits.upper, 0.0)
+    np.testing.assert_array_equal(bolted(limit=meant, kind=kind).limits.upper, 0.0)
 
 
-@pytest.mark.parametrize("turn", ["6.2831853", "9.42477796", "12.566"])
-def test_joints_of_some_turns_are_in_radians(tmp_path: Path, turn: str) -> None:
-    limit = f'<limit lower="-{turn}" upper="{turn}" velocity="3" effort="20"/>'
-    notes = Robot.load(chain(tmp_path, limit=limit), base="fixed").notes
-    assert not any("degrees" in note for note in notes)
-    limit = limit.replace(turn, "90")
-    notes = Robot.load(chain(tmp_path, limit=limit), base="fixed").notes
-    assert any("degrees" in note for note in notes)
+@pytest.mark.parametrize(
+    ("turn", "told"),
+    [("6.2831853", False), ("9.42477796", False), ("12.566", False), ("90", True)],
+)
+def test_joints_of_more_than_some_turns_may_be_in_degrees(turn: str, told: bool) -> None:
+    notes = bolted(limit=toy.limit(turn, 20)).notes
+    assert any("degrees" in note for note in notes) == told
 
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12345\n"
@@ -129,21 +120,19 @@ POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12345
 
 def test_a_pointer_of_git_lfs_is_called_so(tmp_path: Path) -> None:
     (tmp_path / "m.stl").write_text(POINTER)
-    mesh = '<collision><geometry><mesh filename="m.stl"/></geometry></collision>'
-    path = chain(tmp_path)
-    path.write_text(path.read_text().replace("</link>", mesh + "</link>", 1))
-    notes = Robot.load(path, base="fixed").notes
+    mesh = toy.collision(f'mesh filename="{tmp_path / "m.stl"}"')
+    notes = bolted(chain().replace("</link>", mesh + "</link>", 1)).notes
     assert any("m.stl (a Git LFS pointer: git lfs pull) of link 'l0'" in note for note in notes)
-    path.write_text(POINTER)
+    (tmp_path / "r.urdf").write_text(POINTER)
     with pytest.raises(ModelError, match=r"r\.urdf: a Git LFS pointer"):
-        Robot.load(path)
+        Robot.load(tmp_path / "r.urdf")
 
 
 @pytest.mark.parametrize("names", [("l1", "j2", "j3"), ("l3", "l1", "l2"), ("j1", "l2", "j3")])
-def test_joints_may_be_called_as_links_are(tmp_path: Path, names: tuple[str, str, str]) -> None:
-    whole = Robot.load(chain(tmp_path), base="fixed", locked={"j3": 0.2, "j1": -0.1})
-    path = chain(tmp_path, names=names)
-    robot = Robot.load(path, base="fixed", locked={names[2]: 0.2, names[0]: -0.1})
+def test_joints_may_be_called_as_links_are(names: tuple[str, str, str]) -> None:
+    whole = Robot.load(chain(), base="fixed", locked={"j3": 0.2, "j1": -0.1})
+    held = {names[2]: 0.2, names[0]: -0.1}
+    robot = Robot.load(chain(names=names), base="fixed", locked=held)
     assert robot.joint_names == (names[1],)
     q = robot.posture("neutral", {names[1]: 0.4})
     one, other = robot.snapshot(q), whole.snapshot(whole.posture("neutral", {"j2": 0.4}))
@@ -153,9 +142,8 @@ def test_joints_may_be_called_as_links_are(tmp_path: Path, names: tuple[str, str
 
 
 @pytest.mark.parametrize(("reach", "told"), [("1.5", True), ("3.14", False), ("9.42", False)])
-def test_a_range_of_a_continuous_joint_is_told(tmp_path: Path, reach: str, told: bool) -> None:
-    path = chain(tmp_path, limit=toy.limit(reach, 20), kind="continuous")
-    robot = Robot.load(path, base="fixed")
+def test_a_range_of_a_continuous_joint_is_told(reach: str, told: bool) -> None:
+    robot = bolted(limit=toy.limit(reach, 20), kind="continuous")
     assert np.isinf(robot.limits.upper).all()
     note = "ranges of continuous joints, which URDF gives none, are not used: j1, j2, j3"
     assert (note in robot.notes) == told
