@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 
 mujoco = pytest.importorskip("mujoco")
 INERTIAL = '<inertial pos="0.01 0 .1" mass="{0}" diaginertia=".01 .02 .015"/>'
@@ -29,6 +29,23 @@ def load(content: str, **options: Any) -> tuple[Robot, Any]:
     return Robot.load(content, feet={}, **options), mujoco.MjModel.from_xml_string(content)
 
 
+def forward(model: Any, key: int | None = None) -> Any:
+    """Return MuJoCo's data of a model where it is drawn, or in a key frame."""
+    data = mujoco.MjData(model)
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, key)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def assert_placed(s: Snapshot, data: Any, *bodies: str, atol: float = 1e-12) -> None:
+    """Bodies are where MuJoCo has them, turned as there."""
+    for name in bodies:
+        found = data.body(name)
+        np.testing.assert_allclose(s.position(name), found.xpos, atol=atol)
+        np.testing.assert_allclose(s.rotation(name), found.xmat.reshape(3, 3), atol=atol)
+
+
 def assert_agree(robot: Robot, model: Any, seed: int = 0, root: str = "trunk") -> None:
     """Frames, mass, CoM and the joints' mass matrix at random joint positions."""
     rng, data = np.random.default_rng(seed), mujoco.MjData(model)
@@ -40,12 +57,8 @@ def assert_agree(robot: Robot, model: Any, seed: int = 0, root: str = "trunk") -
             data.qpos[int(joint.qposadr[0])] = q[robot.limits.starts[k]] = value
         mujoco.mj_forward(model, data)
         s = robot.snapshot(q)
-        for body in range(1, model.nbody):
-            name = model.body(body).name
-            if name:
-                np.testing.assert_allclose(s.position(name), data.xpos[body], atol=1e-12)
-                turned = data.xmat[body].reshape(3, 3)
-                np.testing.assert_allclose(s.rotation(name), turned, atol=1e-12)
+        names = (model.body(body).name for body in range(1, model.nbody))
+        assert_placed(s, data, *filter(None, names))
         for site in range(model.nsite):
             there = s.position(model.site(site).name)
             np.testing.assert_allclose(there, data.site_xpos[site], atol=1e-12)

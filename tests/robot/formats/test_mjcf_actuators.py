@@ -1,10 +1,9 @@
 """Effort limits from actuators. Oracle: the torque MuJoCo gives at a control without bound."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from tests.robot.formats.mjcf_texts import mujoco
 from wbc.errors import ModelError
 from wbc.robot import Robot
 
@@ -36,18 +35,11 @@ def text(actuators: str = ACTUATORS, compiler: str = "") -> str:
     )
 
 
-def load(folder: Path, content: str) -> Robot:
-    path = folder / "m.xml"
-    path.write_text(content)
-    return Robot.load(path)
-
-
-def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
-    robot = load(tmp_path, text())
+def test_efforts_are_what_the_actuators_can_give() -> None:
+    robot = Robot.load(text())
     expected = [4, 3, 6, 7, 3, 10, 2, 60, 60]
     np.testing.assert_array_equal(robot.limits.effort, expected)
     np.testing.assert_array_equal(robot.model.lowerEffortLimit[6:], [-e for e in expected])
-    mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(text())
     data = mujoco.MjData(model)
     for sign in (1.0, -1.0):
@@ -57,70 +49,62 @@ def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
         np.testing.assert_allclose(data.qfrc_actuator[6:], sign * robot.limits.effort)
 
 
-def test_efforts_far_below_what_joints_take_are_told(tmp_path: Path) -> None:
+def test_efforts_far_below_what_joints_take_are_told() -> None:
     """Controls of [-1, 1] on joints of 88 N m, as in a G1 for motion capture: it stood on 1 N m."""
-    assert not any("ranges of controls" in note for note in load(tmp_path, text()).notes)
-    normalised = text().replace('"-2 2"/>', '"-100 100"/>', 1)
-    (note,) = (one for one in load(tmp_path, normalised).notes if "ranges of controls" in one)
+    assert not any("ranges of controls" in note for note in Robot.load(text()).notes)
+    normalised = Robot.load(text().replace('"-2 2"/>', '"-100 100"/>', 1))
+    (note,) = (one for one in normalised.notes if "ranges of controls" in one)
     assert ": joint; where" in note and "effort={joint: N m}" in note
 
 
-@pytest.mark.parametrize("dynamics", ["filter", "filterexact"])
-def test_filtered_motors_give_what_their_controls_bound(tmp_path: Path, dynamics: str) -> None:
-    mujoco = pytest.importorskip("mujoco")
-    filtered = f'dyntype="{dynamics}" dynprm=".01" gainprm="5" ctrlrange="-2 2"'
-    content = text(f'<general joint="motor" {filtered}/>')
-    robot = load(tmp_path, content)
+@pytest.mark.parametrize(
+    ("motor", "steps", "rtol"),
+    [
+        ('dyntype="filter" dynprm=".01"', 200, 1e-6),
+        ('dyntype="filterexact" dynprm=".01"', 200, 1e-6),
+        ('dyntype="filter" dynprm=".1" actrange="-.5 .5"', 100, 1e-7),
+        ('dyntype="integrator" dynprm=".1" actrange="-.5 .5"', 100, 1e-7),
+    ],
+)
+def test_motors_with_activations_give_what_these_or_their_controls_bound(
+    motor: str, steps: int, rtol: float
+) -> None:
+    content = text(f'<general joint="motor" {motor} gainprm="5" ctrlrange="-2 2"/>')
     model = mujoco.MjModel.from_xml_string(content)
     data = mujoco.MjData(model)
-    data.ctrl[:] = 1e6
-    for _ in range(200):
+    data.act[:], data.ctrl[:] = 2.0, 1e6
+    for _ in range(steps):
         mujoco.mj_step(model, data)
-    np.testing.assert_allclose(robot.limits.effort[0], data.qfrc_actuator[6], rtol=1e-6)
+    found = Robot.load(content).limits.effort[0]
+    np.testing.assert_allclose(found, data.qfrc_actuator[6], rtol=rtol)
 
 
-@pytest.mark.parametrize("dynamics", ["filter", "integrator"])
-def test_a_range_of_activations_bounds_motors(tmp_path: Path, dynamics: str) -> None:
-    mujoco = pytest.importorskip("mujoco")
-    motor = f'dyntype="{dynamics}" dynprm=".1" gainprm="5" ctrlrange="-2 2" actrange="-.5 .5"'
-    content = text(f'<general joint="motor" {motor}/>')
-    model = mujoco.MjModel.from_xml_string(content)
-    data = mujoco.MjData(model)
-    data.act[:] = data.ctrl[:] = 2.0
-    for _ in range(100):
-        mujoco.mj_step(model, data)
-    np.testing.assert_allclose(load(tmp_path, content).limits.effort[0], data.qfrc_actuator[6])
-
-
-def test_actuators_after_one_with_two_controls_keep_their_ranges(tmp_path: Path) -> None:
+def test_actuators_after_one_with_two_controls_keep_their_ranges() -> None:
     """Newer MuJoCo counts controls, which are more than actuators."""
-    two = (
-        '<dcmotor joint="servo" motorconst="1" resistance="1" input="pos vel" controller="9 0 5"/>'
-    )
+    two = '<dcmotor joint="servo" motorconst="1" resistance="1" input="pos vel"'
     three = '<motor joint="motor" ctrlrange="-4 4"/><motor joint="force" ctrlrange="-3 3"/>'
-    content = text(two + three)
-    mujoco = pytest.importorskip("mujoco")
+    content = text(f'{two} controller="9 0 5"/>{three}')
     try:
         model = mujoco.MjModel.from_xml_string(content)
     except ValueError:
         pytest.skip("this MuJoCo has no actuators with two controls")
     assert model.nu == 4
-    assert list(load(tmp_path, content).limits.effort[:4]) == [4, 3, np.inf, np.inf]
+    assert list(Robot.load(content).limits.effort[:4]) == [4, 3, np.inf, np.inf]
 
 
-def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
+def test_what_has_no_range_is_not_bounded() -> None:
     loose = (
         '<motor joint="motor"/><position joint="servo" kp="10" ctrlrange="-1 1"/>'
         '<motor joint="force" ctrlrange="-1 1" ctrllimited="false"/>'
     )
-    robot = load(tmp_path, text(loose))
+    robot = Robot.load(text(loose))
     assert set(robot.limits.without_effort) == {*JOINTS} - {"joint"}
     # Ranges that need to be switched on: autolimits off.
     off = text('<motor joint="motor" ctrlrange="-4 4"/>', ' autolimits="false"')
     off = off.replace(' ctrlrange="-4', ' ctrllimited="false" ctrlrange="-4')
     off = off.replace(' actuatorfrcrange="', ' actuatorfrclimited="true" actuatorfrcrange="')
-    off = load(tmp_path, off.replace(' range="', ' limited="true" range="'))
-    assert "motor" in off.limits.without_effort
+    found = Robot.load(off.replace(' range="', ' limited="true" range="'))
+    assert "motor" in found.limits.without_effort
 
 
 @pytest.mark.parametrize(
@@ -131,16 +115,16 @@ def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
         ('<motor joint="motor" class="none"/>', "unknown default class name 'none'"),
     ],
 )
-def test_ill_formed_actuators_are_named(tmp_path: Path, actuator: str, told: str) -> None:
+def test_ill_formed_actuators_are_named(actuator: str, told: str) -> None:
     with pytest.raises(ModelError, match=told):
-        load(tmp_path, text(actuator))
+        Robot.load(text(actuator))
 
 
 @pytest.mark.parametrize(("own", "effort"), [("", np.inf), ('forcerange="-3 3"', 3.0)])
-def test_the_control_of_a_plugin_is_no_force(tmp_path: Path, own: str, effort: float) -> None:
+def test_the_control_of_a_plugin_is_no_force(own: str, effort: float) -> None:
     config = '<config key="kp" value="40"/>'
     head = '<extension><plugin plugin="mujoco.pid"><instance name="pid">'
     head += f"{config}</instance></plugin></extension>"
     servo = f'<plugin joint="motor" plugin="mujoco.pid" instance="pid" ctrlrange="-1 1" {own}/>'
     content = text(servo).replace("<worldbody>", f"{head}<worldbody>")
-    assert load(tmp_path, content).limits.effort[0] == effort
+    assert Robot.load(content).limits.effort[0] == effort

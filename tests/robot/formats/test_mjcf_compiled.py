@@ -15,6 +15,8 @@ from tests.robot.formats.mjcf_texts import (
     TRUNK,
     arm,
     assert_agree,
+    assert_placed,
+    forward,
     load,
     mujoco,
     text,
@@ -31,18 +33,18 @@ TWO = (
     '<joint name="j2" axis="0 0 1" ref="-.4" pos=".1 0 0" range="-2 1"/>'
 )
 REFS = {
-    "hinge": (text(arm('ref=".4"')), ""),
-    "skew axis": (text(arm('ref="-.7"').replace("0 1 0", "1 2 -1")), ""),
-    "in a class": (text(arm('class="k"').replace('range="-1 1"', ""), head=CLASS), ""),
-    "slide": (text(SLIDE + INERTIAL.format(1) + "</body>"), ""),
-    "several": (text(TWO + INERTIAL.format(1) + "</body>"), ""),
-    "degrees": (text(arm('ref="30"')).replace("radian", "degree"), ""),
+    "hinge": text(arm('ref=".4"')),
+    "skew axis": text(arm('ref="-.7"').replace("0 1 0", "1 2 -1")),
+    "in a class": text(arm('class="k"').replace('range="-1 1"', ""), head=CLASS),
+    "slide": text(SLIDE + INERTIAL.format(1) + "</body>"),
+    "several": text(TWO + INERTIAL.format(1) + "</body>"),
+    "degrees": text(arm('ref="30"')).replace("radian", "degree"),
 }
 
 
-@pytest.mark.parametrize("case", REFS)
-def test_the_coordinate_of_a_joint_with_ref_is_qpos(case: str) -> None:
-    assert_agree(*load(REFS[case][0]))
+@pytest.mark.parametrize("content", REFS.values(), ids=REFS)
+def test_the_coordinate_of_a_joint_with_ref_is_qpos(content: str) -> None:
+    assert_agree(*load(content))
 
 
 def test_key_frames_and_couplings_are_in_the_same_coordinates() -> None:
@@ -66,28 +68,22 @@ BALL = '<geom type="sphere" size=".1" contype="0" conaffinity="0" {}/>'
 BOX = '<geom type="box" size=".1 .1 .2" pos=".1 0 0" {}/>'
 HINGED = '<body name="arm" pos="0 .1 .2"><joint name="j1" axis="0 1 0" range="-1 1"/>'
 VISUAL = '<default><default class="v"><geom contype="0" conaffinity="0" group="2"/></default>'
+PLAIN = BOX.format("")
 WEIGHED = {
     "by density": (BALL.format("") + BOX.format('density="300"'), ""),
     "by mass": (BALL.format('mass="2"') + BOX.format('mass="1"'), ""),
     "alone": (BALL.format(""), ""),
-    "not by choice": (BALL.format('density="0"') + BOX.format(""), ""),
-    "by class": ('<geom class="v" size=".1"/>' + BOX.format(""), VISUAL + "</default>"),
-    "instead of an inertial": (
-        INERTIAL.format(1) + BOX.format(""),
-        "<compiler inertiafromgeom='true'/>",
-    ),
-    "of one group": (
-        BALL.format('group="3"') + BOX.format(""),
-        "<compiler inertiagrouprange='0 1'/>",
-    ),
-    "not less than": (BALL.format('mass=".001"'), "<compiler boundmass='2' boundinertia='.3'/>"),
+    "not by choice": (BALL.format('density="0"') + PLAIN, ""),
+    "by class": ('<geom class="v" size=".1"/>' + PLAIN, VISUAL + "</default>"),
+    "instead of an inertial": (INERTIAL.format(1) + PLAIN, '<compiler inertiafromgeom="true"/>'),
+    "of one group": (BALL.format('group="3"') + PLAIN, '<compiler inertiagrouprange="0 1"/>'),
+    "not less than": (BALL.format('mass=".001"'), '<compiler boundmass="2" boundinertia=".3"/>'),
     "as a shell": (BOX.format('shellinertia="true"'), ""),
 }
 
 
-@pytest.mark.parametrize("case", WEIGHED)
-def test_masses_are_those_that_mujoco_takes_from_geoms(case: str) -> None:
-    geoms, head = WEIGHED[case]
+@pytest.mark.parametrize(("geoms", "head"), WEIGHED.values(), ids=WEIGHED)
+def test_masses_are_those_that_mujoco_takes_from_geoms(geoms: str, head: str) -> None:
     assert_agree(*load(text(HINGED + geoms + "</body>", head=head)))
 
 
@@ -105,19 +101,20 @@ RANGES = {
 }
 
 
-@pytest.mark.parametrize("case", RANGES)
-def test_ranges_are_those_that_mujoco_keeps(case: str) -> None:
-    bodies, head = RANGES[case]
+@pytest.mark.parametrize(("bodies", "head"), RANGES.values(), ids=RANGES)
+def test_ranges_are_those_that_mujoco_keeps(bodies: str, head: str) -> None:
     assert_agree(*load(text(bodies, head=head)))
 
 
-ROOTS = {
-    "static": '<body name="trunk" pos=".2 .1 1" euler="0 .2 .3">' + INERTIAL.format(5),
-    "hinge": '<body name="trunk" pos=".2 .1 1" euler="0 .2 .3"><joint name="j0" axis="1 0 0"/>'
-    + INERTIAL.format(5),
-    "planar": '<body name="trunk" pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/>'
+DRAWN = '<body name="trunk" pos=".2 .1 1" euler="0 .2 .3">'
+PLANAR = (
+    '<body name="trunk" pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/>'
     '<joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/>'
-    + INERTIAL.format(5),
+)
+ROOTS = {
+    "static": DRAWN + INERTIAL.format(5),
+    "hinge": DRAWN + '<joint name="j0" axis="1 0 0"/>' + INERTIAL.format(5),
+    "planar": PLANAR + INERTIAL.format(5),
     "slide with ref": '<body name="trunk"><joint name="x" type="slide" ref=".3" axis="1 0 0"/>'
     + INERTIAL.format(5),
 }
@@ -174,12 +171,8 @@ def test_six_joints_of_the_root_are_its_floating_base() -> None:
     assert list(robot.feet) == ["left", "right"]
     assert any("floating base: tx, ty, tz, tilt, list, turn" in note for note in robot.notes)
     assert_agree(robot, model)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
     s = robot.snapshot(robot.postures["bent"])
-    for body in ("trunk", "left_foot", "right_foot"):
-        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+    assert_placed(s, forward(model, 0), "trunk", "left_foot", "right_foot")
     driven = content.replace("</worldbody>", '</worldbody><actuator><motor joint="tz"/></actuator>')
     assert Robot.load(driven).nv == 6 + 8  # a gantry is a gantry
     flat = content.replace('axis="-1 0 0"', 'axis="0 1 .1"')
@@ -195,21 +188,15 @@ def test_a_nameless_root_weighs_what_it_weighs() -> None:
 
 def test_two_arms_side_by_side_are_one_robot_on_a_fixed_root() -> None:
     root = '<body name="{0}" pos="0 {1} 1">' + INERTIAL.format(5)
+    second = root.format("second", -0.3) + arm(name="other").replace("j1", "j2")
     content = (
-        "<mujoco><worldbody>"
-        + root.format("trunk", 0.3)
-        + arm()
-        + "</body>"
-        + root.format("second", -0.3)
-        + arm(name="other").replace("j1", "j2")
-        + "</body></worldbody><actuator><motor joint='j1'/><motor joint='j2'/></actuator></mujoco>"
+        f"<mujoco><worldbody>{root.format('trunk', 0.3)}{arm()}</body>{second}</body></worldbody>"
+        "<actuator><motor joint='j1'/><motor joint='j2'/></actuator></mujoco>"
     )
     robot, model = load(content)
     assert robot.joint_names == ("j1", "j2") and robot.fixed_base
-    s, data = robot.snapshot(robot.postures["neutral"]), mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    for body in ("trunk", "second", "arm", "other"):
-        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+    s = robot.snapshot(robot.postures["neutral"])
+    assert_placed(s, forward(model), "trunk", "second", "arm", "other")
     one = content.replace("<motor joint='j2'/>", "")
     assert Robot.load(one, feet={}).joint_names == ("j1",)  # what no motor drives is scenery
 
@@ -256,10 +243,8 @@ def test_missing_ground_is_done_without() -> None:
 
 def test_included_files_are_found_beside_the_including_one(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "outer.xml").write_text(
-        '<mujocoinclude><include file="inner.xml"/></mujocoinclude>'
-    )
-    (tmp_path / "sub" / "inner.xml").write_text(f"<mujocoinclude>{arm()}</mujocoinclude>")
+    for name, inside in (("outer", '<include file="inner.xml"/>'), ("inner", arm())):
+        (tmp_path / f"sub/{name}.xml").write_text(f"<mujocoinclude>{inside}</mujocoinclude>")
     path = tmp_path / "robot.xml"
     path.write_text(text('<include file="sub/outer.xml"/>'))
     robot = Robot.load(path, feet={})
@@ -286,9 +271,8 @@ def test_a_wrong_reading_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> 
     real = reading.build_tree
 
     def shift(tree: pin.Model) -> None:
-        tree.jointPlacements[2] = tree.jointPlacements[2] * pin.SE3(
-            np.eye(3), np.array([0, 0, 1e-6])
-        )
+        aside = pin.SE3(np.eye(3), np.array([0, 0, 1e-6]))
+        tree.jointPlacements[2] = tree.jointPlacements[2] * aside
 
     def fatten(tree: pin.Model) -> None:
         tree.inertias[2] = pin.Inertia(1.001, np.zeros(3), np.eye(3))
@@ -309,40 +293,24 @@ def test_a_wrong_reading_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> 
             Robot.load(text(arm()))
 
 
+FORE = INERTIAL.format(1) + '<body name="fore"><joint name="j2"/>' + INERTIAL.format(1) + "</body>"
 SHARED = {
-    "site beside": text(
-        '<body name="arm"><joint name="arm" axis="0 1 0"/>'
-        + INERTIAL.format(1)
-        + '<site name="tip"/>'
-        '<body name="fore"><joint name="j2"/>' + INERTIAL.format(1) + "</body></body>"
-    ),
-    "locked itself": text(
-        '<body name="j2"><joint name="arm" axis="0 1 0"/>'
-        + INERTIAL.format(1)
-        + '<body name="fore"><joint name="j2"/>'
-        + INERTIAL.format(1)
-        + "</body></body>"
-    ),
-    "site of that name": text(
-        '<body name="arm"><joint name="j1" axis="0 1 0"/>'
-        + INERTIAL.format(1)
-        + '<site name="arm"/>'
-        '<body name="fore"><joint name="j2"/>' + INERTIAL.format(1) + "</body></body>"
-    ),
+    "site beside": f'<body name="arm"><joint name="arm" axis="0 1 0"/><site name="tip"/>{FORE}',
+    "locked itself": f'<body name="j2"><joint name="arm" axis="0 1 0"/>{FORE}',
+    "site so called": f'<body name="arm"><joint name="j1" axis="0 1 0"/><site name="arm"/>{FORE}',
 }
 
 
-@pytest.mark.parametrize("case", SHARED)
-def test_joints_are_locked_whatever_else_has_their_names(case: str) -> None:
-    whole, model = load(SHARED[case])
-    robot, _ = load(SHARED[case], locked={"j2": 0.3})
+@pytest.mark.parametrize("body", SHARED.values(), ids=SHARED)
+def test_joints_are_locked_whatever_else_has_their_names(body: str) -> None:
+    whole, model = load(text(body + "</body>"))
+    robot, _ = load(text(body + "</body>"), locked={"j2": 0.3})
     assert (robot.nv, robot.frame_names) == (whole.nv - 1, whole.frame_names)
     data = mujoco.MjData(model)
     data.joint("j2").qpos[:] = 0.3
     mujoco.mj_forward(model, data)
     s = robot.snapshot(robot.postures["neutral"])
-    for body in range(1, model.nbody):
-        np.testing.assert_allclose(s.position(model.body(body).name), data.xpos[body], atol=1e-12)
+    assert_placed(s, data, *(model.body(k).name for k in range(1, model.nbody)))
     np.testing.assert_allclose(s.com, data.subtree_com[1], atol=1e-12)
 
 
@@ -433,25 +401,20 @@ def test_tendons_of_three_joints_tie_what_is_refused() -> None:
         load(text(GRIPPER, tail=tail))
 
 
-def test_numbers_of_a_changed_model_that_are_none_are_named() -> None:
-    model = mujoco.MjModel.from_xml_string(text(arm()))
-    model.body_mass[1] = np.nan
-    with pytest.raises(ModelError, match="body 'trunk': its mass is not finite"):
-        Robot.load(model)
+HOME = '<keyframe><key name="home"/></keyframe>'
 
 
 @pytest.mark.parametrize("name", ["dof_damping", "jnt_stiffness", "key_qpos", "geom_size"])
-def test_other_numbers_of_a_changed_model_are_named_too(name: str) -> None:
-    key = '<keyframe><key name="home"/></keyframe>'
-    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=key))
+def test_numbers_of_a_changed_model_that_are_none_are_named(name: str) -> None:
+    """For masses see test_odd_files.py."""
+    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=HOME))
     getattr(model, name).flat[-1] = np.nan
     with pytest.raises(ModelError, match=f"{name} of the model is not finite"):
         Robot.load(model)
 
 
 def test_a_key_frame_without_an_orientation_is_upright() -> None:
-    key = '<keyframe><key name="home"/></keyframe>'
-    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=key))
+    model = mujoco.MjModel.from_xml_string(text(LEGS, tail=HOME))
     model.key_qpos[0, 3:7] = 0.0
     np.testing.assert_array_equal(Robot.load(model).postures["home"][3:7], [0, 0, 0, 1])
 
@@ -477,33 +440,14 @@ def test_shapes_of_the_world_beside_the_robot_are_told() -> None:
     assert told == {"shapes of the world, which are no part of the robot, left out: table"}
     hills = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 0 1"/></asset>'
     for ground in ('hfield" hfield="h', 'plane" euler=".2 0 0" size="1 1 1'):
-        sloping = content.replace(
-            "<worldbody>", f'{hills}<worldbody><geom name="hill" type="{ground}"/>', 1
-        )
-        (note,) = {*Robot.load(sloping).notes} - {*Robot.load(content).notes}
+        world = f'{hills}<worldbody><geom name="hill" type="{ground}"/>'
+        sloping = Robot.load(content.replace("<worldbody>", world, 1))
+        (note,) = {*sloping.notes} - {*Robot.load(content).notes}
         assert note.endswith("left out: hill")
 
 
-@pytest.mark.parametrize("where", ["main", "included"])
-def test_what_mujoco_knows_no_more_is_left_out_of_included_files_too(
-    tmp_path: Path, where: str
-) -> None:
-    old = '<option><flag sensornoise="enable"/></option>'
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts/legs.xml").write_text(f"<mujocoinclude>{LEGS}</mujocoinclude>")
-    (tmp_path / "parts/old.xml").write_text(f"<mujoco>{old}</mujoco>")
-    head = old if where == "main" else '<include file="parts/old.xml"/>'
-    path = tmp_path / "robot.xml"
-    path.write_text(text('<include file="parts/legs.xml"/>', head=head))
-    robot = Robot.load(path)
-    assert robot.joint_names == ("left_hip", "right_hip")
-    assert "left out, as MuJoCo knows them no more: <flag sensornoise>" in robot.notes
-
-
 @pytest.mark.parametrize("given", ["file", "text"])
-def test_without_mujoco_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str
-) -> None:
+def test_without_mujoco_the_extra_is_named(tmp_path: Path, monkeypatch, given: str) -> None:
     path = tmp_path / "robot.xml"
     path.write_text(text(arm()))
     monkeypatch.setitem(sys.modules, "mujoco", None)  # as if it were not installed
@@ -520,15 +464,11 @@ def test_slides_and_a_ball_of_the_root_are_its_floating_base() -> None:
     robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
     assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
     assert any("floating base: tx, ty, tz, turn" in note for note in robot.notes)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    s = robot.snapshot(robot.postures["bent"])
-    for side in ("left", "right"):
-        foot = model.body(f"{side}_foot").id
-        apart = s.position(f"{side}_foot") - s.position("base")
-        trunk = data.xpos[int(model.body_rootid[foot])]
-        np.testing.assert_allclose(apart, data.xpos[foot] - trunk, atol=1e-12)
+    s, data = robot.snapshot(robot.postures["bent"]), forward(model, 0)
+    for foot in ("left_foot", "right_foot"):
+        apart = s.position(foot) - s.position("base")
+        wanted = data.body(foot).xpos - data.body("trunk").xpos
+        np.testing.assert_allclose(apart, wanted, atol=1e-12)
 
 
 def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path) -> None:
@@ -568,13 +508,8 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
     said = f"which turn it by more together: end by {max(turns):.3g} rad, not 1"
     assert any(said in note for note in robot.notes)
     np.testing.assert_allclose(robot.damping, 0.3)
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    s = robot.snapshot(robot.postures["bent"])
-    rod = model.body("rod").id
-    np.testing.assert_allclose(s.position("rod"), data.xpos[rod], atol=1e-9)
-    np.testing.assert_allclose(s.rotation("rod"), data.xmat[rod].reshape(3, 3), atol=1e-9)
+    s, data = robot.snapshot(robot.postures["bent"]), forward(model, 0)
+    assert_placed(s, data, "rod", atol=1e-9)
     np.testing.assert_allclose(s.com, data.subtree_com[1], atol=1e-9)
     Plant(robot).step(np.zeros(3))
     # A model that is compiled already cannot be changed: refused by its name.
@@ -594,10 +529,7 @@ def test_the_hinges_of_a_ball_have_its_spring_and_damper_alone() -> None:
         assert (spring.stiffness, spring.rest) == (model.jnt_stiffness[end.id], 0.0)
     np.testing.assert_array_equal(robot.damping, model.dof_damping[end.dofadr[0]])
     assert len(robot.passive.springs) == 3 and np.isinf(robot.limits.effort).all()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    s = robot.snapshot(robot.postures["neutral"])
-    np.testing.assert_allclose(s.position("rod"), data.body("rod").xpos, atol=1e-12)
+    assert_placed(robot.snapshot(robot.postures["neutral"]), forward(model), "rod")
 
 
 def test_motors_about_an_axis_of_a_ball_are_those_of_its_hinge() -> None:

@@ -1,11 +1,9 @@
 """Frames of an MJCF. Oracle: where MuJoCo's own compiler puts bodies and shapes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from wbc.robot import Robot
+from tests.robot.formats.mjcf_texts import assert_agree, load
 
 TURNED = {
     "quat": 'quat="0.6 0.8 0 0"',
@@ -48,31 +46,13 @@ def content(turned: str, compiler: str, scale: float, root: str) -> str:
 @pytest.mark.parametrize("degrees", [True, False])
 @pytest.mark.parametrize("root", ["<freejoint/>", ""], ids=["floating", "bolted"])
 def test_frames_are_where_mujoco_puts_them(
-    tmp_path: Path, turned: str, sequence: str, degrees: bool, root: str, rng
+    turned: str, sequence: str, degrees: bool, root: str
 ) -> None:
     """In MuJoCo's own zero posture, the root where the file puts it, but for the joints."""
-    mujoco = pytest.importorskip("mujoco")
-    angle = "degree" if degrees else "radian"
-    compiler = f'angle="{angle}" eulerseq="{sequence}"'
-    text = content(TURNED[turned], compiler, 1.0 if degrees else np.pi / 180.0, root)
-    bound = np.pi / 180.0 if degrees else 1.0
-    path = tmp_path / "m.xml"
-    path.write_text(text)
-    robot, model = Robot.load(path), mujoco.MjModel.from_xml_path(str(path))
-    np.testing.assert_allclose(robot.limits.upper, bound)
-    data = mujoco.MjData(model)
-    data.qpos[-2:] = bends = bound * rng.uniform(-1, 1, 2)
-    mujoco.mj_forward(model, data)
-    step = np.concatenate((np.zeros(6), bends))
-    here = robot.snapshot(robot.integrate(robot.postures["neutral"], step, 1.0))
-    for body in ("trunk", "arm", "hand"):
-        found = data.body(body)
-        np.testing.assert_allclose(here.position(body), found.xpos, atol=1e-12)
-        np.testing.assert_allclose(here.rotation(body), found.xmat.reshape(3, 3), atol=1e-12)
-    np.testing.assert_allclose(here.com, data.subtree_com[1], atol=1e-12)
-    mass = np.zeros((model.nv, model.nv))
-    for row, unit in zip(mass, np.eye(model.nv), strict=True):  # mj_fullM has changed its arguments
-        mujoco.mj_mulM(model, data, row, unit)
-    np.testing.assert_allclose(here.mass_matrix[6:, 6:], mass[-2:, -2:], atol=1e-12)
+    compiler = f'angle="{"degree" if degrees else "radian"}" eulerseq="{sequence}"'
+    scale = 1.0 if degrees else np.pi / 180.0
+    robot, model = load(content(TURNED[turned], compiler, scale, root))
+    assert_agree(robot, model)
+    np.testing.assert_allclose(robot.limits.upper, np.pi / 180.0 if degrees else 1.0)
     assert robot.mass == pytest.approx(3.5)
     assert len(robot.collision_model.geometryObjects) == 4

@@ -77,9 +77,8 @@ def test_motors_act_together_unless_their_group_is_off() -> None:
         robot, model = load(text(arm(), tail=f"<actuator>{motors}</actuator>", head=head))
         assert robot.limits.effort[0] == effort
         assert not any("one way" in note for note in robot.notes)  # nor harder one way
-        assert any("switches off" in note and "strong" in note for note in robot.notes) is bool(
-            head
-        )
+        told = any("switches off" in note and "strong" in note for note in robot.notes)
+        assert told is bool(head)
         data = mujoco.MjData(model)
         for sign in (1.0, -1.0):
             data.ctrl[:] = sign * 1e6 * np.sign(model.actuator_gear[:, 0])
@@ -154,10 +153,9 @@ def test_what_a_free_joint_inherits_is_said_and_left_out() -> None:
 )
 def test_the_smaller_end_of_a_range_bounds_a_motor(given: str, effort: float) -> None:
     kind, _, attributes = given.partition(" ")
-    of_joint = attributes if kind == "joint" else ""
-    motor = "motor" if kind == "joint" else kind
-    own = "" if kind == "joint" else attributes
-    robot, _ = load(text(arm(of_joint), tail=f'<actuator><{motor} joint="j1" {own}/></actuator>'))
+    of_joint, motor = (attributes, "motor") if kind == "joint" else ("", given)
+    tail = f'<actuator><{motor} joint="j1"/></actuator>'
+    robot, _ = load(text(arm(of_joint), tail=tail))
     assert robot.limits.effort[0] == effort
     assert any("one way only" in note for note in robot.notes) == ('"0 50' in given)
     harder = [note for note in robot.notes if "harder one way" in note]
@@ -191,9 +189,8 @@ def test_what_acts_on_joints_that_are_the_floating_base_is_told() -> None:
     six = "".join(f'<joint name="b{k}" type="{a}" axis="{b}"/>' for k, (a, b) in enumerate(kinds))
     plain, _ = load(text(arm(), root=TRUNK.replace("<freejoint/>", six)))
     assert not any("not used" in note or "do not act" in note for note in plain.notes)
-    six = six.replace(
-        "<joint ", '<joint armature="1" damping="2" frictionloss="3" stiffness="4" range="-1 1" '
-    )
+    given = 'armature="1" damping="2" frictionloss="3" stiffness="4" range="-1 1"'
+    six = six.replace("<joint ", f"<joint {given} ")
     tail = '<equality><joint name="held" joint1="b3"/></equality>'
     robot, _ = load(text(arm(), root=TRUNK.replace("<freejoint/>", six), tail=tail))
     for what in ("rotor inertia", "damping", "dry friction", "a spring", "a range"):

@@ -2,6 +2,7 @@
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,42 +17,38 @@ CUBE = (
     "v {0} {0} -{0}\nv -{0} {0} -{0}\nv -{0} -{0} -{0}\nv {0} -{0} -{0}\n"
     "f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n"
 )
+FILE = '<asset><mesh name="m" file="m.obj" {}/></asset>'
+SCALE = 'scale=".001 .002 .003"'
+DEFAULT = f"<default><mesh {SCALE}/></default>"
+CLASS = f'<default><default class="mm"><mesh {SCALE}/></default></default>'
 MESHES = {
-    "scale on the mesh": ('<asset><mesh name="m" file="m.obj" scale=".001 .002 .003"/>', ""),
-    "scale in the defaults": (
-        '<default><mesh scale=".001 .002 .003"/></default><asset><mesh name="m" file="m.obj"/>',
-        "",
-    ),
-    "scale in a class": (
-        '<default><default class="mm"><mesh scale=".001 .002 .003"/></default></default>'
-        '<asset><mesh name="m" file="m.obj" class="mm"/>',
-        "",
-    ),
+    "scale on the mesh": (FILE.format(SCALE), ""),
+    "scale in the defaults": (DEFAULT + FILE.format(""), ""),
+    "scale in a class": (CLASS + FILE.format('class="mm"'), ""),
     "another origin": (
-        '<asset><mesh name="m" file="m.obj" scale=".001 .002 .003" refpos="50 0 0"'
-        ' refquat="1 0 1 0"/>',
+        FILE.format(f'{SCALE} refpos="50 0 0" refquat="1 0 1 0"'),
         'pos="0 .1 0" euler="0 .3 0"',
     ),
-    "mirrored": ('<asset><mesh name="m" file="m.obj" scale=".001 -.002 .003"/>', 'pos="1 0 0"'),
-    "folder": (
-        '<compiler assetdir="parts"/><asset><mesh name="m" file="m.obj" scale=".01 .01 .01"/>',
-        "",
-    ),
+    "mirrored": (FILE.format('scale=".001 -.002 .003"'), 'pos="1 0 0"'),
+    "folder": ('<compiler assetdir="parts"/>' + FILE.format('scale=".01 .01 .01"'), ""),
 }
 
 
-@pytest.mark.parametrize("case", MESHES)
-@pytest.mark.parametrize("weighs", [True, False])
-def test_meshes_are_where_mujoco_has_them(tmp_path: Path, case: str, weighs: bool) -> None:
-    assets, place = MESHES[case]
-    (tmp_path / "parts").mkdir()
-    for folder in (tmp_path, tmp_path / "parts"):
-        (folder / "m.obj").write_text(CUBE.format(100))
-    geom = f'<geom type="mesh" mesh="m" {place}/>'
-    own = "" if weighs else INERTIAL.format(1)
-    path = tmp_path / "robot.xml"
-    path.write_text(text(HINGED + own + geom + "</body>", head=assets + "</asset>"))
-    robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
+def load(folder: Path, bodies: str, head: str, size: float) -> tuple[Robot, Any]:
+    """Return the robot of a file that has a cube in a file of its own, twice, and its model."""
+    (folder / "parts").mkdir()
+    for place in (folder, folder / "parts"):
+        (place / "m.obj").write_text(CUBE.format(size))
+    path = folder / "robot.xml"
+    path.write_text(text(bodies, head=head))
+    return Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
+
+
+@pytest.mark.parametrize(("assets", "place"), MESHES.values(), ids=MESHES)
+@pytest.mark.parametrize("own", ["", INERTIAL.format(1)], ids=["weighs", "does not"])
+def test_meshes_are_where_mujoco_has_them(tmp_path, assets: str, place: str, own: str) -> None:
+    bodies = f'{HINGED}{own}<geom type="mesh" mesh="m" {place}/></body>'
+    robot, model = load(tmp_path, bodies, assets, 100)
     assert_agree(robot, model)
     (shape,) = robot.collision_model.geometryObjects
     pose = shape.placement
@@ -64,17 +61,13 @@ def test_meshes_are_where_mujoco_has_them(tmp_path: Path, case: str, weighs: boo
 
 @pytest.mark.parametrize("kind", ["box", "capsule", "sphere"])
 def test_shapes_fitted_to_a_mesh_are_read(tmp_path: Path, kind: str) -> None:
-    (tmp_path / "m.obj").write_text(CUBE.format(0.1))
-    path = tmp_path / "robot.xml"
-    head = '<asset><mesh name="m" file="m.obj"/></asset>'
-    path.write_text(text(HINGED + f'<geom type="{kind}" mesh="m"/></body>', head=head))
-    robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
+    bodies = f'{HINGED}<geom type="{kind}" mesh="m"/></body>'
+    robot, model = load(tmp_path, bodies, FILE.format(""), 0.1)
     assert_agree(robot, model)
     (body,) = robot_bodies(robot)
     if kind == "box":
-        assert float(np.abs(body.shape.core).max()) == pytest.approx(
-            model.geom_size[0, 0], rel=1e-6
-        )
+        half = float(np.abs(body.shape.core).max())
+        assert half == pytest.approx(model.geom_size[0, 0], rel=1e-6)
 
 
 GEOMS = (
@@ -115,17 +108,12 @@ def test_excluded_pairs_are_not_watched(pair: tuple[str, str]) -> None:
 
 
 def test_a_robot_with_meshes_is_pickled_whole(tmp_path: Path) -> None:
-    (tmp_path / "m.obj").write_text(CUBE.format(0.1))
-    path = tmp_path / "robot.xml"
-    head = '<asset><mesh name="m" file="m.obj"/></asset>'
-    path.write_text(text(HINGED + '<geom name="g" type="mesh" mesh="m"/></body>', head=head))
-    robot = Robot.load(path, feet={})
-    path.unlink()  # nor is the file read again
+    bodies = HINGED + '<geom name="g" type="mesh" mesh="m"/></body>'
+    robot, _ = load(tmp_path, bodies, FILE.format(""), 0.1)
+    robot.path.unlink()  # nor is the file read again
     again = pickle.loads(pickle.dumps(robot))
-    for one, other in (
-        (robot.collision_model, again.collision_model),
-        (robot.visual_model, again.visual_model),
-    ):
-        (mine,), (copied,) = one.geometryObjects, other.geometryObjects
+    for kind in ("collision_model", "visual_model"):
+        (mine,) = getattr(robot, kind).geometryObjects
+        (copied,) = getattr(again, kind).geometryObjects
         assert mine.name == copied.name == "g"
         np.testing.assert_array_equal(mine.geometry.vertices(), copied.geometry.vertices())

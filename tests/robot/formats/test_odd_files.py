@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf as toy
 from tests.robot.formats.mjcf_texts import INERTIAL, arm, assert_agree, mujoco, text
 from wbc.errors import ModelError
 from wbc.robot import Robot
@@ -23,9 +24,8 @@ BESIDE = (
 
 def tied(*constraints: str, bodies: str = TWO, motor: str = "") -> str:
     tail = "".join(f"<joint {one}/>" for one in constraints)
-    return text(
-        bodies, tail=f"<equality>{tail}</equality>" + (MOTOR.format(motor) if motor else "")
-    )
+    driven = MOTOR.format(motor) if motor else ""
+    return text(bodies, tail=f"<equality>{tail}</equality>{driven}")
 
 
 def couplings(**wanted: tuple[str, float, float]) -> Callable[[Robot], None]:
@@ -55,6 +55,15 @@ def feet(*links: str, corners: int = 4) -> Callable[[Robot], None]:
             assert forward > 1.0 - 1e-6
 
     return check
+
+
+def without_friction(robot: Robot) -> None:
+    np.testing.assert_array_equal(robot.friction, 0.0)
+
+
+def as_long_as_spheres(robot: Robot) -> None:
+    for foot in robot.feet.values():
+        np.testing.assert_allclose(np.ptp(foot.polygon[:, 0]), 0.15, atol=1e-9)
 
 
 def legs(geoms: str, *places: tuple[str, float, float], turned: str = "") -> str:
@@ -129,10 +138,7 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         ),
         noted("contact pairs with what is not in the file left out: floor"),
     ),
-    "friction below zero": (
-        text(arm('frictionloss="-.2"')),
-        lambda robot: np.testing.assert_array_equal(robot.friction, 0.0),
-    ),
+    "friction below zero": (text(arm('frictionloss="-.2"')), without_friction),
     "a joint called as the world": (
         text(arm().replace("j1", "universe")),
         "a moving joint is called 'universe'",
@@ -147,15 +153,7 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         legs('<geom size=".03"/>', *FOUR, turned='euler="0 0 1.6"'),
         feet("w", "x", "y", "z", corners=1),
     ),
-    "balls below a foot off level": (
-        legs(spheres(0.2), *NAMED),
-        lambda robot: [
-            np.testing.assert_allclose(
-                foot.polygon[:, 0].max() - foot.polygon[:, 0].min(), 0.15, atol=1e-9
-            )
-            for foot in robot.feet.values()
-        ],
-    ),
+    "balls below a foot off level": (legs(spheres(0.2), *NAMED), as_long_as_spheres),
     "a hand below the soles": (
         legs(PLATE, *NAMED).replace(
             "</body></worldbody>",
@@ -184,10 +182,7 @@ def test_odd_mjcfs_are_read_rightly_or_refused(case: str) -> None:
         assert_agree(robot, mujoco.MjModel.from_xml_string(content))
 
 
-BODY = (
-    '<inertial><origin xyz=".01 0 .1"/><mass value="1"/>'
-    '<inertia ixx=".01" iyy=".02" izz=".015" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
+BODY = toy.inertial(1, (0.01, 0.02, 0.015), ".01 0 .1")
 SPHERE = '<collision><geometry><sphere radius=".1"/>{}</geometry></collision>'
 
 LOOK = '<visual><geometry><sphere radius=".1"/></geometry>{}</visual>'
@@ -290,9 +285,7 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
 
 
 @pytest.mark.parametrize("case", URDF)
-def test_odd_urdfs_are_read_rightly_or_refused(
-    case: str, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_odd_urdfs_are_read_rightly_or_refused(case: str, capfd) -> None:
     content, wanted = URDF[case]
     if isinstance(wanted, str):
         with pytest.raises(ModelError, match=wanted):
@@ -305,10 +298,8 @@ def test_odd_urdfs_are_read_rightly_or_refused(
 def test_a_turned_frame_of_urdf_1_2_is_turned() -> None:
     """A quaternion, which MuJoCo passes over: half a right angle about z, by its matrix."""
     turn = f"0 0 {np.sin(np.pi / 8)} {np.cos(np.pi / 8)}"
-    content = urdf(head='name="r" version="1.2"').replace(
-        '<origin xyz="0 .1 .2"/>', f'<origin xyz="0 .1 .2" quat_xyzw="{turn}"/>'
-    )
-    robot = Robot.load(content)
+    content = urdf(head='name="r" version="1.2"')
+    robot = Robot.load(content.replace('xyz="0 .1 .2"', f'xyz="0 .1 .2" quat_xyzw="{turn}"'))
     R = robot.snapshot(robot.posture("neutral", on_ground=False)).rotation("a")
     half = np.sqrt(0.5)
     np.testing.assert_allclose(R, [[half, -half, 0], [half, half, 0], [0, 0, 1]], atol=1e-12)
