@@ -137,9 +137,7 @@ def test_a_far_walk_is_the_same_from_any_origin(rng: np.random.Generator) -> Non
     assert np.allclose(near.covariance, far.covariance, rtol=1e-6, atol=1e-9)
 
 
-def test_gate_leaves_everything_as_it_was_and_memory_comes_back_to_the_bit(
-    rng: np.random.Generator,
-) -> None:
+def test_gate_leaves_everything_as_it_was_and_memory_comes_back_to_the_bit(rng) -> None:
     f, _ = begun(rng)
     kept = f.memory()
     place = seen(rng)

@@ -68,9 +68,7 @@ def changed(m: Measurement, **values: object) -> Measurement:
     return Measurement(**{**m.__dict__, **values})  # type: ignore[arg-type]
 
 
-def test_it_begins_from_standing_with_the_tilt_that_it_has(
-    hoap2: Robot, rng: np.random.Generator
-) -> None:
+def test_it_begins_from_standing_with_the_tilt_that_it_has(hoap2, rng: np.random.Generator) -> None:
     tilt = np.array((0.1, -0.15, 0.0))
     e = StateEstimator(hoap2, MOUNTS)
     sent = messages(hoap2, 600, rng, tilt)
@@ -123,9 +121,7 @@ def test_what_keeps_it_from_beginning_is_said_once(
     assert "1001 messages, and no estimate yet: " in warning and said in warning
 
 
-def test_times_in_another_unit_are_said(
-    hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_times_in_another_unit_are_said(hoap2: Robot, sent: list[Measurement], caplog) -> None:
     e = StateEstimator(hoap2, MOUNTS)
     fed(e, [changed(m, time=1e3 * m.time) for m in sent[:60]])
     assert "messages are 2 s apart, and dt is 0.002 s: are times in s?" in caplog.text
@@ -134,9 +130,7 @@ def test_times_in_another_unit_are_said(
         fed(e, [changed(sent[0], time=2000.0 * k) for k in range(600)])
 
 
-def test_an_imu_that_says_gravity_downwards_is_refused(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_an_imu_that_says_gravity_downwards_is_refused(hoap2, sent: list[Measurement]) -> None:
     def turned(m: Measurement) -> Measurement:
         imus = [ImuReading(one.name, one.angular_velocity, -one.specific_force) for one in m.imus]
         return changed(m, imus=tuple(imus))
@@ -245,9 +239,7 @@ def test_feet_that_never_bear_are_said(hoap2: Robot, sent: list[Measurement]) ->
     assert again is not None and "for 1 s: the IMU alone" in str(again.notes)
 
 
-def test_a_clock_that_jumped_back_is_said_once(
-    hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_clock_that_jumped_back_is_said_once(hoap2, sent: list[Measurement], caplog) -> None:
     e = StateEstimator(hoap2, MOUNTS, dt=DT)
     fed(e, sent[:400])
     fed(e, [changed(m, time=m.time - 5.0) for m in sent[400:600]])
@@ -256,9 +248,7 @@ def test_a_clock_that_jumped_back_is_said_once(
     fed(e, sent[400:])
 
 
-def test_a_mount_in_mm_and_a_delay_in_ms_are_doubted(
-    hoap2: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mount_in_mm_and_a_delay_in_ms_are_doubted(hoap2: Robot, caplog) -> None:
     """A robot that stood was 2.5 m off, and moved at 0.4 m/s, in silence."""
     settings = EstimatorSettings(encoder_delay=1.0)
     StateEstimator(hoap2, ImuMount("chest", "torso", position=(0.0, 0.0, 83.0)), settings)
@@ -347,9 +337,7 @@ def test_a_foot_that_slips_by_two_centimetres_is_not_followed(
     assert found[-1].contacts == ("left", "right")  # it is still again
 
 
-def test_sensors_that_fail_are_named_and_done_without(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_sensors_that_fail_are_named_and_done_without(hoap2, sent: list[Measurement]) -> None:
     good = fed(StateEstimator(hoap2, MOUNTS), sent[:400])
 
     def spoilt(change: Callable[[int, Measurement], Measurement]) -> tuple[Estimate, list[str]]:
@@ -388,9 +376,7 @@ def test_sensors_that_fail_are_named_and_done_without(
         assert np.linalg.norm(found.v[:6]) < 0.02, word
 
 
-def test_encoders_of_continuous_joints_begin_anew_after_a_turn(
-    hoap2: Robot, rng: np.random.Generator, tmp_path: Path
-) -> None:
+def test_encoders_of_continuous_joints_begin_anew_after_a_turn(hoap2, rng, tmp_path) -> None:
     """At the wrap a joint was held for five messages, and turned at 900 rad/s."""
     text = Path(str(hoap2.path)).read_text()
     head = '<joint name="head_yaw" type='
@@ -428,16 +414,12 @@ def test_where_no_foot_is_still_the_slower_one_is_counted_on(
     assert max(speeds) < 0.6
 
 
-def test_without_contacts_it_says_what_it_takes_for_granted(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_without_contacts_it_says_what_it_takes_for_granted(hoap2, sent: list[Measurement]) -> None:
     given = [changed(one, contacts=None) for one in sent[:300]]
     assert any("taken to bear" in note for note in fed(StateEstimator(hoap2, MOUNTS), given).notes)
 
 
-def test_what_it_cannot_be_is_a_typed_error(
-    hoap2: Robot, robot_named: Callable[[str], Robot]
-) -> None:
+def test_what_it_cannot_be_is_a_typed_error(hoap2, robot_named: Callable[[str], Robot]) -> None:
     zeros = np.zeros(hoap2.nv - 6)
     with pytest.raises(InvalidInputError, match="measurement, positions: NaN"):
         Measurement(0.0, zeros * np.nan)
@@ -464,9 +446,7 @@ def test_what_it_cannot_be_is_a_typed_error(
             e.update(Measurement(k * DT, zeros, imus=(one,)))
 
 
-def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(
-    rng: np.random.Generator,
-) -> None:
+def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(rng) -> None:
     f = JointVelocityFilter(1, 5, DT)
     assert f.delay == pytest.approx(0.004)
     for k in range(10):  # a parabola of acceleration 3: its slope 4 ms ago
@@ -549,9 +529,7 @@ def test_loads_of_other_feet_than_the_robot_has_are_refused(
         changed(message, contacts={"left": "no", "right": "yes"})
 
 
-def test_a_message_that_is_refused_is_not_taken_in_again(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_a_message_that_is_refused_is_not_taken_in_again(hoap2, sent: list[Measurement]) -> None:
     """It was filed before it was refused: messages that came late after it were refused as well.
 
     One that came late itself took those after it along.
@@ -578,9 +556,7 @@ def test_notes_are_counted_without_their_numbers_but_by_names_with_theirs() -> N
     }
 
 
-def test_a_base_whose_x_axis_points_up_has_the_heading_that_is_told(
-    rng: np.random.Generator,
-) -> None:
+def test_a_base_whose_x_axis_points_up_has_the_heading_that_is_told(rng) -> None:
     """The heading of that axis is noise: the estimate of a biped began 22 degrees off."""
     robot = Robot.load(
         '<mujoco model="stool"><worldbody><body name="trunk" quat="0.5 -0.5 -0.5 -0.5"><freejoint/>'

@@ -19,9 +19,7 @@ SIDES = ("left", "right")
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
-def test_wrenches_on_the_soles_are_found(
-    name: str, robot_named: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
+def test_wrenches_on_the_soles_are_found(name: str, robot_named, rng: np.random.Generator) -> None:
     """A robot that moves under torques and constant wrenches on its soles."""
     robot = robot_named(name)
     q, v = robot.posture(joints={"*knee*": 0.6}), 0.1 * rng.normal(size=robot.nv)

@@ -104,9 +104,7 @@ def test_a_robot_as_it_should_be_has_no_finding(g1: Robot, hanging: HangingRobot
 
 
 @pytest.mark.slow
-def test_joints_that_are_wrong_in_one_way_each_are_told_apart(
-    g1: Robot, hanging: HangingRobot
-) -> None:
+def test_joints_that_are_wrong_in_one_way_each_are_told_apart(g1, hanging: HangingRobot) -> None:
     roll, elbow, wrist, left, right = map(
         g1.joint_names.index, (SHOULDER, ELBOW, WRIST, KNEE, OTHER_KNEE)
     )
@@ -253,9 +251,7 @@ def test_the_command_names_a_joint_that_is_wrong_and_ends_with_an_error(
     assert code != 0 and told.count("WRONG") == 1 and "its sign is swapped" in told
 
 
-def test_a_robot_is_upright_by_an_imu_that_is_mounted_tilted(
-    g1: Robot, hanging: HangingRobot
-) -> None:
+def test_a_robot_is_upright_by_an_imu_that_is_mounted_tilted(g1, hanging: HangingRobot) -> None:
     """By its camera's, which looks down by 0.8 rad, it had fallen, and could not stand up."""
     profile = replace(profile_named("unitree_g1"), imu="d435_link")
     R = g1.snapshot(g1.postures["standing"]).rotation("d435_link")

@@ -262,9 +262,7 @@ def test_an_answer_to_a_request_of_the_mode_before_is_dropped(rig: Rig) -> None:
     assert rig.loop._state.answer is None and not rig.loop._state.is_stale
 
 
-def test_after_a_late_answer_ticks_are_due_as_before(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_after_a_late_answer_ticks_are_due_as_before(rig: Rig, monkeypatch) -> None:
     """The next one came a cycle early: that of the answer counted twice."""
     worker, asked, busy = rig.loop._worker, list[int](), iter([True] * 6)
 
@@ -394,9 +392,7 @@ def test_only_the_loop_is_on_the_cpu_of_the_loop(tmp_path: Path) -> None:
     assert places["log"] == places["watch"] == allowed
 
 
-def test_a_second_loop_on_a_bus_is_refused_before_it_commands(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_second_loop_on_a_bus_is_refused_before_it_commands(monkeypatch) -> None:
     """Idle, it switched the motors off under a robot that the first one held up."""
     rig, heard, said = Rig(), [0, 0, 1], list[str]()
     monkeypatch.setattr(rig.bus, "commands_heard", lambda: heard.pop(0), raising=False)
@@ -435,9 +431,7 @@ def test_an_interrupt_ends_a_loop_that_commands_nothing() -> None:
         rig.loop.run(most=5.0)  # it returned the first result
 
 
-def test_an_interrupt_makes_a_robot_sit_down_whoever_its_operator_is(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_makes_a_robot_sit_down_whoever_its_operator_is(rig: Rig, monkeypatch) -> None:
     """It ran on: the loop only said so, and left it to the operator of the command line."""
     began = rig.time
 
@@ -460,9 +454,7 @@ def test_commands_that_cannot_be_sent_stop_it(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(5, "Input/output error"), BusError("unplugged")])
-def test_a_bus_that_fails_stops_it_in_words(
-    error: Exception, rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bus_that_fails_stops_it_in_words(error: Exception, rig: Rig, monkeypatch) -> None:
     """Errors of a bus of one's own ended the loop without its log, its controller left behind."""
 
     def fail(*_: object) -> None:
@@ -517,9 +509,7 @@ def test_readings_may_be_lists_and_their_numbers_of_any_kind_of_integer(rig: Rig
     assert rig.safety.mode is Mode.RUNNING and rig.safety.counts[Fault.OUT_OF_ORDER] == 25
 
 
-def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(tmp_path, monkeypatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -622,9 +612,7 @@ def test_the_page_has_the_tables_of_the_code() -> None:
         ),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_it_matters(
-    asked: str, told: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_done_is_refused_before_it_matters(asked: str, told: str, tmp_path) -> None:
     answer = wbc_command("hardware", *asked.format(log=tmp_path / "log.npz").split())
     assert answer.exit_code == 1 and told in answer.stderr
 
@@ -634,9 +622,7 @@ def test_a_cpu_that_is_not_there_is_named_before_anything_is_forked() -> None:
         check_cpus((4711,))
 
 
-def test_words_are_read_from_a_terminal_and_an_empty_line_stops(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_words_are_read_from_a_terminal_and_an_empty_line_stops(monkeypatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("arm\nStand \nfly\n\n"))
     said: list[str] = []
     keyboard, status, wishes = Keyboard(said.append), SimpleNamespace(), []
@@ -650,9 +636,7 @@ def test_words_are_read_from_a_terminal_and_an_empty_line_stops(
     assert keyboard.wish(status) is Wish.QUIT and keyboard.wish(status) is None  # type: ignore[arg-type]
 
 
-def test_bytes_that_are_no_text_leave_the_keyboard_listening(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_bytes_that_are_no_text_leave_the_keyboard_listening(monkeypatch) -> None:
     typed = io.TextIOWrapper(io.BytesIO(b"arm\n\xff\xfe\n\nsit\n"), encoding="utf-8")
     monkeypatch.setattr("sys.stdin", typed)
     said: list[str] = []
@@ -663,9 +647,7 @@ def test_bytes_that_are_no_text_leave_the_keyboard_listening(
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no such terminals here")
-def test_a_terminal_that_is_closed_makes_the_robot_sit_down(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_terminal_that_is_closed_makes_the_robot_sit_down(monkeypatch) -> None:
     """Without SIGHUP, as of a program that opened it: reading failed, and nobody was told."""
     terminal, descriptor = os.openpty()
     with open(descriptor, encoding="utf-8") as stdin:

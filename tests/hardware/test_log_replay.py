@@ -76,9 +76,7 @@ def changed(path: Path, to: Path, change: dict[str, object]) -> Path:
 
 
 @pytest.mark.slow
-def test_a_log_is_run_again_to_the_same_bits_and_a_changed_one_is_not(
-    log: Path, tmp_path: Path
-) -> None:
+def test_a_log_is_run_again_to_the_same_bits_and_a_changed_one_is_not(log: Path, tmp_path) -> None:
     again = replay_log(log)
     assert again.same and again.compared > 0.9 * RUN / DT, str(again)
     assert wbc_command("replay", log).exit_code == 0

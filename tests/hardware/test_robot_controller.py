@@ -17,7 +17,6 @@ from wbc.hardware.robot_controller import (
 )
 from wbc.hardware.worker import Job, run_job
 from wbc.problem import load_problem
-from wbc.robot import Robot
 from wbc.rotations import exp_rotation, rotation_from
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -64,9 +63,7 @@ def test_a_controller_that_had_no_estimate_to_begin_with_begins_at_the_next() ->
     assert answer is not None and answer.q == pytest.approx(q, abs=1e-9)
 
 
-def test_an_imu_may_be_mounted_anyhow_and_what_is_rejected_is_told(
-    hoap2: Robot, rng: np.random.Generator
-) -> None:
+def test_an_imu_may_be_mounted_anyhow_and_what_is_rejected_is_told(hoap2, rng) -> None:
     turned, n = exp_rotation(np.array((0.4, -1.2, 2.0))), hoap2.nv - 6
     mounted = SensorEstimator(hoap2, ImuMount("chest", "torso", (0.02, 0.0, 0.1), turned))
     q, zero = hoap2.posture(), np.zeros(n)

@@ -204,9 +204,7 @@ def test_a_jump_of_a_second_is_no_fault_of_the_accelerometer() -> None:
         assert checks.look_at(now, DT * k) == (True, ())
 
 
-def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(
-    hoap2: Robot, tmp_path: Path
-) -> None:
+def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(hoap2: Robot, tmp_path) -> None:
     """Of joints without a range only: a robot was stopped where one passed half a turn."""
     head = '<joint name="head_yaw" type='
     text = Path(str(hoap2.path)).read_text().replace(head + '"revolute"', head + '"continuous"')

@@ -26,9 +26,7 @@ def arm(folder: Path, root: str = "world", floating: bool = False) -> Path:
     return path
 
 
-def test_a_root_called_world_or_base_is_fixed(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_root_called_world_or_base_is_fixed(tmp_path, caplog: pytest.LogCaptureFixture) -> None:
     for root in ("world", "base"):
         robot = Robot.load(arm(tmp_path, root))
         assert robot.fixed_base
@@ -38,9 +36,7 @@ def test_a_root_called_world_or_base_is_fixed(
     assert not Robot.load("hoap2_like").fixed_base
 
 
-def test_a_root_that_carries_a_single_arm_is_fixed(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_root_that_carries_a_single_arm_is_fixed(tmp_path, caplog) -> None:
     robot = Robot.load(arm(tmp_path, "plate_link0"))
     assert robot.fixed_base
     assert "the root link carries a single arm and there are no feet" in robot.notes[-1]

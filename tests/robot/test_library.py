@@ -54,9 +54,7 @@ def test_every_robot_has_all_limits_and_both_feet(name: str, robot_named: Load) 
 
 
 @pytest.mark.parametrize("name", robot_names())
-def test_standing_is_flat_on_the_ground_balanced_and_within_limits(
-    name: str, robot_named: Load
-) -> None:
+def test_standing_is_flat_on_the_ground_balanced_and_within_limits(name: str, robot_named) -> None:
     robot = robot_named(name)
     q = robot.posture("standing")
     s = robot.snapshot(q)

@@ -295,9 +295,7 @@ def test_binary_stl_files_are_what_coal_reads(tmp_path: Path, rng) -> None:
     np.testing.assert_array_equal(read_mesh(path).vertices, ours.vertices)
 
 
-def test_triangles_of_obj_files_are_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_triangles_of_obj_files_are_counted(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wbc.robot.formats.mesh_files.MOST_TRIANGLES", 3)
     path = tmp_path / "mesh.obj"
     corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

@@ -92,9 +92,7 @@ def test_a_package_that_is_missing_is_named(monkeypatch, package: str, name: str
         Robot.load(name)
 
 
-def test_the_real_menagerie_reads_its_own_cache(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_real_menagerie_reads_its_own_cache(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = pytest.importorskip("mujoco_menagerie")
     assert "menagerie:unitree_g1" in menagerie_names()
     known = real.get("unitree_g1")
@@ -108,9 +106,7 @@ def test_the_real_menagerie_reads_its_own_cache(
     assert find_robot("menagerie:unitree_g1").path.parent == folder
 
 
-def test_robot_descriptions_are_taken_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_robot_descriptions_are_taken_by_name(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     modules = {
         "": "",
         ".toy_description": f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\nPACKAGE_PATH = ''\n",

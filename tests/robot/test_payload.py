@@ -98,9 +98,7 @@ def test_the_plant_of_an_mjcf_robot_weighs_it() -> None:
         ({"inertia": [[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "not symmetric"),
     ],
 )
-def test_what_no_payload_is_is_refused_by_name(
-    hoap2: Robot, given: dict[str, object], said: str
-) -> None:
+def test_what_no_payload_is_is_refused_by_name(hoap2, given: dict[str, object], said: str) -> None:
     with pytest.raises((InvalidInputError, UnknownNameError), match=said):
         hoap2.with_payload(**{"frame": "left_hand", "mass": 1.0, **given})
     with pytest.raises((InvalidInputError, UnknownNameError), match=said):

@@ -64,9 +64,7 @@ def test_warnings_are_errors(kind: str, words: str, joint: str | None) -> None:
     check_state(mujoco, data, (), ())
 
 
-def test_a_blow_up_leaves_no_log_file_and_prints_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_blow_up_leaves_no_log_file_and_prints_nothing(tmp_path, monkeypatch, capfd) -> None:
     monkeypatch.chdir(tmp_path)
     before = mujoco.get_mju_user_warning()
     plant = Plant(Robot.load("hoap2_like"), saturate=False)

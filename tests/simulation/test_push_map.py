@@ -70,9 +70,7 @@ def test_directions_that_were_not_tried_are_not_limits(
     assert nothing.summary()["least"] is None
 
 
-def test_files_hold_what_the_map_says(
-    made: Callable[[tuple[str, ...]], PushMap], tmp_path: Path
-) -> None:
+def test_files_hold_what_the_map_says(made: Callable[[tuple[str, ...]], PushMap], tmp_path) -> None:
     one, other = made(SURVIVED), made(("1000", "1000", "1110", "1000"))
     for ending in ("json", "npz", "csv"):
         save_maps(tmp_path / f"r.{ending}", [one, other], {"push": {"duration": 0.1}})

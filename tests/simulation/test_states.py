@@ -26,9 +26,7 @@ def test_round_trip(name: str, rng: np.random.Generator) -> None:
         np.testing.assert_allclose(back[1], v, atol=1e-14)
 
 
-def test_the_velocity_is_the_rate_of_the_configuration(
-    odd: Plant, rng: np.random.Generator
-) -> None:
+def test_the_velocity_is_the_rate_of_the_configuration(odd: Plant, rng) -> None:
     """MuJoCo's own integration of ``qvel`` against Pinocchio's of ``v``: they differ by h^2."""
     h = 1e-6
     for _ in range(5):

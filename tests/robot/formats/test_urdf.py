@@ -411,9 +411,7 @@ TOLD = '<mujoco><compiler meshdir="../parts/"/></mujoco>'
         ("other.obj", TOLD),
     ],
 )
-def test_a_mesh_is_found_as_exporters_and_mujoco_mean_it(
-    tmp_path: Path, name: str, head: str
-) -> None:
+def test_a_mesh_is_found_as_exporters_and_mujoco_mean_it(tmp_path, name: str, head: str) -> None:
     for file in ("meshes/cube.obj", "parts/other.obj", "meshes/a cube.obj", "urdf/robot.urdf"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text(CUBE)

@@ -143,9 +143,7 @@ def test_without_a_port_the_next_free_one_is_taken(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("program", ["raise SystemExit(1)", "import sys; sys.stdin.read()"])
-def test_a_page_that_ends_before_it_answers_is_told(
-    robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch, program: str
-) -> None:
+def test_a_page_that_ends_before_it_answers_is_told(robot, monkeypatch, program: str) -> None:
     monkeypatch.setattr(process, "_PROGRAM", program)
     with pytest.raises(WbcError, match="the page did not start: its process has ended"):
         Viewer(robot, quiet=True)
