@@ -6,7 +6,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from wbc.robot import Robot
-from wbc.robot.collision import Body, Capsule, HalfSpace, Hull
+from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Hull
 
 
 def corners(rng, count: int = 30) -> np.ndarray:
@@ -30,8 +30,15 @@ def bodies_on(robot: Robot, rng) -> list[Body]:
 
 
 def all_pairs(bodies) -> list[tuple[int, int]]:
+    """Of bodies on different joints, in order."""
     n = len(bodies)
     return [(a, b) for a in range(n) for b in range(a + 1, n) if bodies[a].joint != bodies[b].joint]
+
+
+def model_on(robot: Robot, rng) -> CollisionModel:
+    """Return all pairs of a dozen bodies at random places."""
+    bodies = bodies_on(robot, rng)
+    return CollisionModel(robot, bodies, all_pairs(bodies))
 
 
 def oracle(shape) -> tuple[coal.CollisionGeometry, np.ndarray, np.ndarray, float]:
@@ -63,12 +70,16 @@ def distances(robot: Robot, bodies, pairs, q) -> np.ndarray:
     request = coal.DistanceRequest()
     request.gjk_tolerance = request.epa_tolerance = 1e-9
     found = []
-    for a, b in pairs:
+    for pair in np.asarray(pairs).reshape(-1, 2).tolist():
         arguments, radius = [], 0.0
-        for k in (a, b):
+        for k in pair:
             geometry, R, p, rounding = shapes[k]
             pose = data.oMi[bodies[k].joint]
             arguments += [geometry, coal.Transform3s(pose.rotation @ R, pose.act(p))]
             radius += rounding
         found.append(coal.distance(*arguments, request, coal.DistanceResult()) - radius)
     return np.array(found)
+
+
+def of_model(model: CollisionModel, q) -> np.ndarray:
+    return distances(model.robot, model.bodies, model.pairs, q)

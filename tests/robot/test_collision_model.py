@@ -1,6 +1,5 @@
 """Distances, normals and rows against coal and finite differences; pairs against brute force."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
-from tests.robot.by_coal import all_pairs, bodies_on, distances
+from tests.robot.by_coal import all_pairs, bodies_on, distances, model_on, of_model
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.files import CACHE_VARIABLE
@@ -33,16 +32,13 @@ def no_cache(monkeypatch) -> None:
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
 def test_distances_of_all_kinds_of_pairs(name, robot_named, random_snapshot, rng) -> None:
     robot = robot_named(name)
-    bodies = bodies_on(robot, rng)
-    pairs = all_pairs(bodies)
-    model = CollisionModel(robot, bodies, pairs)
+    model = model_on(robot, rng)
     for _ in range(5):
         here = random_snapshot(robot, rng)
         found = model.nearest(here)
-        np.testing.assert_array_equal(found.pairs, np.arange(len(pairs)))
+        np.testing.assert_array_equal(found.pairs, np.arange(len(model.pairs)))
         # Two iterations that stop at 1e-7 m; EPA, inside each other, is ten times coarser.
-        expected = distances(robot, bodies, pairs, here.q)
-        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
+        np.testing.assert_allclose(found.distance, of_model(model, here.q), rtol=0, atol=5e-6)
         norms = np.linalg.norm(found.normal, axis=1)
         np.testing.assert_allclose(norms, 1.0, rtol=0, atol=1e-6)
 
@@ -50,42 +46,34 @@ def test_distances_of_all_kinds_of_pairs(name, robot_named, random_snapshot, rng
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints", "talos"])
 def test_rows_are_the_slopes_of_coals_distances(name, robot_named, random_snapshot, rng) -> None:
     robot = robot_named(name)
-    bodies = bodies_on(robot, rng)
-    pairs = all_pairs(bodies)
-    model = CollisionModel(robot, bodies, pairs)
+    model = model_on(robot, rng)
     here = random_snapshot(robot, rng)
     found = model.nearest(here)
     rows = model.rows(here, found)
     smooth = found.distance > 1e-2  # the depth inside another shape may have kinks
+    capsules = np.array([isinstance(body.shape, Capsule) for body in model.bodies])
+    round_ones = capsules[model.pairs].all(axis=1)[smooth]
     for _ in range(4):
-        v = rng.normal(size=robot.nv)
-        h = 1e-4
-        ahead, behind = (
-            distances(robot, bodies, pairs, robot.integrate(here.q, v, step)) for step in (h, -h)
-        )
+        v, h = rng.normal(size=robot.nv), 1e-4
+        ahead, behind = (of_model(model, robot.integrate(here.q, v, step)) for step in (h, -h))
         slope = (ahead - behind) / (2 * h)
         error = np.abs(rows @ v - slope)[smooth]
         # Nearest points of flat faces jump, where a slope has two sides: not in nine of ten pairs.
         assert np.quantile(error, 0.9) < 5e-3 * np.abs(slope).max()
-        round_ones = [
-            isinstance(bodies[a].shape, Capsule) and isinstance(bodies[b].shape, Capsule)
-            for a, b in np.array(pairs)[smooth]
-        ]
         # The curvature of a capsule's distance is below 1 / core distance: 1e-4 of step, squared.
         assert error[round_ones].max() < 1e-4 * np.abs(slope).max()
 
 
 def test_witness_points_lie_on_the_surfaces(hoap2, random_snapshot, rng) -> None:
     """A small ball at either point is in touch with its body."""
-    bodies = bodies_on(hoap2, rng)
-    model = CollisionModel(hoap2, bodies, all_pairs(bodies))
+    model = model_on(hoap2, rng)
     here = random_snapshot(hoap2, rng)
     found = model.nearest(here)
     apart = np.flatnonzero(found.distance > 1e-3)
     points = found.point, found.point - found.distance[:, None] * found.normal
     for side in (0, 1):
         for k in apart[::7]:
-            body = bodies[model.pairs[k, side]]
+            body = model.bodies[model.pairs[k, side]]
             speck = Body("speck", "speck", 0, Capsule.sphere(points[side][k], 0.0))
             touch = distances(hoap2, [body, speck], [(0, 1)], here.q)[0]
             assert abs(touch) < 2e-5
@@ -96,34 +84,27 @@ def test_the_nearest_pairs_are_those_of_brute_force(
     name, fit, robot_named, random_snapshot, rng
 ) -> None:
     robot = robot_named(name)
-    bodies = robot_bodies(robot, fit)
-    chosen = select_pairs(robot, bodies)
-    bodies = chosen.bodies
-    model = CollisionModel(robot, bodies, chosen.pairs)
+    model = SelfCollision(robot, fit=fit).model
     for _ in range(5):
         here = random_snapshot(robot, rng)
-        everything = model.nearest(here)
+        everything = np.sort(model.nearest(here).distance)
         for count in (1, 7, 25):
             found = model.nearest(here, count)
             assert len(found.pairs) == count
             assert (np.diff(found.pairs) > 0).all()
-            np.testing.assert_allclose(
-                np.sort(found.distance), np.sort(everything.distance)[:count], rtol=0, atol=1e-6
-            )
+            np.testing.assert_allclose(np.sort(found.distance), everything[:count], atol=1e-6)
             again = model.measure(here, found.pairs)
             np.testing.assert_allclose(again.distance, found.distance, rtol=0, atol=1e-6)
 
 
 def test_pairs_asked_for_in_turn_are_measured_anew(hoap2, random_snapshot, rng) -> None:
     """What was asked for before, few or all, leaves nothing behind."""
-    bodies = bodies_on(hoap2, rng)
-    pairs = all_pairs(bodies)
-    model = CollisionModel(hoap2, bodies, pairs)
-    for size in (3, len(pairs), 1, 20, 5, 0):
+    model = model_on(hoap2, rng)
+    for size in (3, len(model.pairs), 1, 20, 5, 0):
         here = random_snapshot(hoap2, rng)
-        some = np.sort(rng.choice(len(pairs), size, replace=False))
+        some = np.sort(rng.choice(len(model.pairs), size, replace=False))
         found = model.measure(here, some)
-        expected = distances(hoap2, bodies, [pairs[k] for k in some], here.q)
+        expected = distances(hoap2, model.bodies, model.pairs[some], here.q)
         np.testing.assert_array_equal(found.pairs, some)
         np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
         assert found.normal.shape == found.point.shape == (size, 3)
@@ -132,10 +113,7 @@ def test_pairs_asked_for_in_turn_are_measured_anew(hoap2, random_snapshot, rng) 
 @pytest.mark.slow
 def test_distances_depend_on_the_posture_alone(g1_27, rng) -> None:
     """Not on what was measured before, between parallel faces least of all: bit for bit."""
-    bodies = robot_bodies(g1_27, "hull")
-    chosen = select_pairs(g1_27, bodies)
-    bodies = chosen.bodies
-    model = CollisionModel(g1_27, bodies, chosen.pairs)
+    model = SelfCollision(g1_27, fit="hull").model
     standing = g1_27.snapshot(g1_27.posture("standing"))
     before = model.nearest(standing, 25)
     for _ in range(5):
@@ -149,11 +127,8 @@ def test_distances_depend_on_the_posture_alone(g1_27, rng) -> None:
 def test_a_half_space_against_arithmetic(hoap2, random_snapshot, rng) -> None:
     bodies = bodies_on(hoap2, rng)
     wall = Obstacle.half_space("wall", rng.normal(size=3), 0.3)
-    model = CollisionModel(
-        hoap2,
-        [*bodies, Body("wall", "wall", 0, wall.shape)],
-        [(k, len(bodies)) for k in range(len(bodies))],
-    )
+    pairs = [(k, len(bodies)) for k in range(len(bodies))]
+    model = CollisionModel(hoap2, [*bodies, Body("wall", "wall", 0, wall.shape)], pairs)
     turn, shift = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
     for R, p in ((np.eye(3), np.zeros(3)), (turn, shift)):
         model.place(len(bodies), R, p)
@@ -207,11 +182,9 @@ def test_deep_inside_each_other_everything_stays_finite(hoap2) -> None:
     here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
     around = []
-    for joint in (1, 2, 3, 4):  # all four at the same place in the world
-        shape = shapes[joint - 1]
+    for joint, shape in enumerate(shapes, 1):  # all four at the same place in the world
         core = (shape.core - p[joint]) @ R[joint]
-        kind = type(shape)
-        around.append(Body(f"b{joint}", f"b{joint}", joint, kind(core, shape.radius)))
+        around.append(Body(f"b{joint}", "b", joint, type(shape)(core, shape.radius)))
     model = CollisionModel(hoap2, around, all_pairs(around))
     found = model.nearest(here)
     assert np.isfinite(found.distance).all()
@@ -235,31 +208,23 @@ def test_an_srdf_says_which_pairs_matter(robot_named) -> None:
     reasons = {label: why for label, why in chosen.excluded.items() if "SRDF" in why}
     assert len(reasons) > 100
     for label in list(reasons)[:50]:
-        first, second = label.split(" vs ")
-        assert (
-            f'link1="{first}" link2="{second}"' in text
-            or f'link1="{second}" link2="{first}"' in text
-        )
+        a, b = label.split(" vs ")
+        assert f'link1="{a}" link2="{b}"' in text or f'link1="{b}" link2="{a}"' in text
     kept = labels_of(chosen.bodies, chosen.pairs)
     assert "arm_left_7_link vs arm_right_7_link" in kept
     assert not kept & set(chosen.excluded)
 
 
 def test_without_an_srdf_adjacent_and_touching_pairs_go(hoap2) -> None:
-    bodies = robot_bodies(hoap2)
+    bodies, parents = robot_bodies(hoap2), hoap2.model.parents
     chosen = select_pairs(hoap2, bodies, clearance=0.005)
     again = select_pairs(hoap2, bodies, clearance=0.005)  # always the same postures
     assert (chosen.pairs, chosen.margins, chosen.excluded) == (
         again.pairs, again.margins, again.excluded,
     )  # fmt: skip
     for label, why in chosen.excluded.items():
-        a, b = (next(x for x in bodies if x.name == name) for name in label.split(" vs "))
-        joints = a.joint, b.joint
-        related = (
-            hoap2.model.parents[joints[0]] == joints[1]
-            or hoap2.model.parents[joints[1]] == joints[0]
-        )
-        assert related == (why == "adjacent")
+        a, b = (next(x.joint for x in bodies if x.name == name) for name in label.split(" vs "))
+        assert (b == parents[a] or a == parents[b]) == (why == "adjacent")
     standing = distances(hoap2, chosen.bodies, chosen.pairs, hoap2.posture("standing"))
     assert (standing > np.array(chosen.margins) - 1e-5).all()
     assert min(chosen.margins) > 1e-3
@@ -293,8 +258,7 @@ def robot_with(shape: str) -> Robot:
 
 
 def test_a_missing_mesh_is_named() -> None:
-    mesh = '<collision><geometry><mesh filename="package://p/meshes/trunk.stl"/></geometry></collision>'
-    robot = robot_with(mesh)
+    robot = robot_with(urdf.collision('mesh filename="package://p/meshes/trunk.stl"'))
     with pytest.raises(ModelError, match=r"package://p/meshes/trunk.stl of link 'trunk'"):
         robot_bodies(robot)
 
@@ -341,12 +305,10 @@ def test_bad_shapes(make, words: str) -> None:
 
 def test_half_a_disabled_pair_is_refused(hoap2, tmp_path: Path) -> None:
     """A <disable_collisions> that names one link only."""
-    copy = tmp_path / hoap2.path.name
-    shutil.copy(hoap2.path, copy)
     srdf = tmp_path / "r.srdf"
     srdf.write_text('<robot name="r"><disable_collisions link1="left_foot"/></robot>')
     with pytest.raises(ModelError, match="link2"):
-        Robot.load(copy, srdf=srdf)
+        Robot.load(hoap2.path, srdf=srdf)
 
 
 def test_a_robot_without_pairs_has_nothing_to_keep_apart() -> None:

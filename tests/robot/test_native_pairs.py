@@ -8,29 +8,20 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from tests.conftest import ROBOTS, load, random_state
+from tests.conftest import random_state
+from tests.robot.by_coal import all_pairs
 from wbc.robot import Robot
-from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
+from wbc.robot.collision import CollisionModel
 from wbc.robot.collision.distances import ShapePairs
 from wbc.robot.collision.shapes import Body, Capsule, Hull
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
-def loaded(name: str) -> Robot:
-    return Robot.load(name if name in ROBOTS[:-1] else load(name).path)
-
-
-def random_pairs(bodies, rng: np.random.Generator, most: int) -> list[tuple[int, int]]:
-    """Some pairs of bodies on different joints, in order."""
-    every = [
-        (a, b)
-        for a in range(len(bodies))
-        for b in range(a + 1, len(bodies))
-        if bodies[a].joint != bodies[b].joint
-    ]
-    chosen = rng.permutation(len(every))[:most]
-    return [every[k] for k in sorted(chosen.tolist())]
+def some_pairs(bodies, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """150 pairs of bodies on different joints, in order."""
+    every = all_pairs(bodies)
+    return [every[k] for k in sorted(rng.permutation(len(every))[:150].tolist())]
 
 
 def test_hulls_are_certified_and_coals(rng) -> None:
@@ -39,7 +30,7 @@ def test_hulls_are_certified_and_coals(rng) -> None:
     Between these planes it can be no less, between the points found no more. coal stops within its
     tolerance of 1e-7 m.
     """
-    robot = loaded("hoap2_like")
+    robot = Robot.load("hoap2_like")
     bodies = []
     for joint in range(1, robot.model.njoints):
         place, size = 0.1 * rng.normal(size=3), rng.uniform(0.01, 0.1)
@@ -51,11 +42,8 @@ def test_hulls_are_certified_and_coals(rng) -> None:
             Capsule.sphere(place, 0.03),
         )
         bodies.append(Body(str(joint), "base", joint, shapes[joint % 4]))
-    pairs = random_pairs(bodies, rng, 150)
-    model, coals = (
-        CollisionModel(robot, bodies, pairs),
-        ShapePairs(bodies, np.array(pairs)),
-    )
+    pairs = some_pairs(bodies, rng)
+    model, coals = CollisionModel(robot, bodies, pairs), ShapePairs(bodies, np.array(pairs))
     certified = handed = 0
     for _ in range(20):
         q, _ = random_state(robot, rng)
@@ -87,7 +75,7 @@ def test_hulls_are_certified_and_coals(rng) -> None:
 @pytest.mark.parametrize("tilt", [0.0, 1e-10, 1e-8, 1e-6])
 def test_boxes_with_parallel_faces_are_measured(tilt: float, rng) -> None:
     """Nearest points of such faces are not unique; an upright robot of boxes has many of them."""
-    robot = loaded("hoap2_like")
+    robot = Robot.load("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
     joints, gaps, bodies = (5, 20), rng.choice([1e-4, 5e-3, 0.1], 200), []
     R, p = here.joint_placements
@@ -109,17 +97,14 @@ def test_boxes_with_parallel_faces_are_measured(tilt: float, rng) -> None:
 
 def test_what_pairs_keep_and_those_that_touch(rng) -> None:
     """The least clearances of all pairs; only where bodies touch are they coal's (1e-7 m)."""
-    robot = loaded("hoap2_like")
+    robot = Robot.load("hoap2_like")
     bodies = []
     for joint in range(1, robot.model.njoints):
         points = 0.1 * rng.normal(size=3) + rng.uniform(0.01, 0.05) * rng.normal(size=(20, 3))
         corners = points[ConvexHull(points).vertices]
         bodies.append(Body(str(joint), "base", joint, Hull(corners, 0.01 * (joint % 2))))
-    pairs = random_pairs(bodies, rng, 150)
-    ours, theirs = (
-        CollisionModel(robot, bodies, pairs),
-        ShapePairs(bodies, np.array(pairs)),
-    )
+    pairs = some_pairs(bodies, rng)
+    ours, theirs = CollisionModel(robot, bodies, pairs), ShapePairs(bodies, np.array(pairs))
     kept, count, touching = 0.1 * rng.random(len(pairs)), 50, 0
     for _ in range(10):
         q, _ = random_state(robot, rng)
@@ -139,7 +124,7 @@ def test_what_pairs_keep_and_those_that_touch(rng) -> None:
 
 def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones() -> None:
     """Three of the same distance come first, one that is nearer last."""
-    robot = loaded("hoap2_like")
+    robot = Robot.load("hoap2_like")
     here = robot.snapshot(robot.posture())
     own = Body("own", "base", 1, Capsule.sphere([0.0, 0.0, 0.0], 0.01))
     centre = here.joint_placements[1][1]
@@ -153,7 +138,7 @@ def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones() -> None:
 
 def test_spheres_about_one_point_are_in_each_other_by_both_radii() -> None:
     """No direction is between them: any is taken."""
-    robot = loaded("hoap2_like")
+    robot = Robot.load("hoap2_like")
     here = robot.snapshot(robot.posture())
     # Spheres on joints whose origins are one place, and one elsewhere.
     places = here.joint_placements[1]
@@ -174,17 +159,13 @@ def test_spheres_about_one_point_are_in_each_other_by_both_radii() -> None:
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
-@pytest.mark.parametrize(
-    "shape", [Capsule.sphere([0.0, 0.0, 0.0], 0.02), Hull.box([0.02, 0.03, 0.04])]
-)
+@pytest.mark.parametrize("shape", [Capsule.sphere(np.zeros(3), 0.02), Hull.box([0.02, 0.03, 0.04])])
 @pytest.mark.parametrize("away", [1.0, 0.0])
 def test_a_copy_has_its_own_bodies(hoap2: Robot, how, shape: Capsule | Hull, away: float) -> None:
     """Apart, and within each other: coal's own results can be neither copied nor pickled."""
     here = hoap2.snapshot(hoap2.posture())
-    ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
-    model = CollisionModel(
-        hoap2, [Body("own", "base", 1, ball), Body("other", "", 0, shape)], [(0, 1)]
-    )
+    ball = Body("own", "base", 1, Capsule.sphere(np.zeros(3), 0.01))
+    model = CollisionModel(hoap2, [ball, Body("other", "", 0, shape)], [(0, 1)])
     place = here.position("base") + [away, 0.0, 0.0]
     model.place(1, np.eye(3), place)
     before = model.nearest(here).distance
@@ -193,35 +174,3 @@ def test_a_copy_has_its_own_bodies(hoap2: Robot, how, shape: Capsule | Hull, awa
     assert model.nearest(here).distance > 1.9
     near = other.nearest(other.robot.snapshot(hoap2.posture())).distance
     np.testing.assert_array_equal(near, before)
-
-
-@pytest.mark.slow
-def test_more_pairs_are_asked_for_at_once_while_many_bodies_touch(rng, monkeypatch) -> None:
-    """What was found to be too few is not asked for first in the next look; found is the same."""
-    robot = loaded("icub")
-    bodies = robot_bodies(robot, "hull")
-    chosen = select_pairs(robot, bodies)
-    model = CollisionModel(robot, chosen.bodies, chosen.pairs)
-    asked, nearest = [], model.native.nearest
-    monkeypatch.setattr(
-        model.native, "nearest", lambda *args: asked.append(args[1]) or nearest(*args)
-    )
-
-    def looked(q) -> tuple[list[int], list[np.ndarray]]:
-        asked.clear()
-        found = model.nearest(robot.snapshot(q), 25)
-        return asked.copy(), list(found[:4])
-
-    few, more, standing = 25, 100, robot.posture("standing")
-    for _ in range(50):
-        folded = random_state(robot, rng)[0]
-        first, second = looked(folded), looked(folded)
-        if first[0] == [few, more] and second[0] == [more]:
-            break
-        looked(standing), looked(standing)
-    else:
-        pytest.fail("no posture in which more pairs are needed, and enough")
-    for one, other in zip(first[1], second[1], strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert looked(standing)[0] == [more]  # where nothing touches
-    assert looked(standing)[0] == [few]
