@@ -4,24 +4,28 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.robot.by_coal import all_pairs, bodies_on, distances
+from tests.robot.by_coal import model_on, of_model
 from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Hull
+
+
+def lost_and_bound(model: CollisionModel, here, step) -> tuple[np.ndarray, np.ndarray]:
+    """What the linear prediction of each pair leaves out at the place reached, and its bound."""
+    found = model.nearest(here)
+    there = of_model(model, here.robot.integrate(here.q, step, 1.0))
+    lost = found.distance + model.rows(here, found) @ step - there
+    return lost, model.curvature_bound(found.pairs, step)
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
 @pytest.mark.parametrize("size", [1e-3, 1e-2, 1e-1])
 def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapshot, rng) -> None:
     robot = robot_named(name)
-    bodies = bodies_on(robot, rng)
-    model = CollisionModel(robot, bodies, all_pairs(bodies))
+    model = model_on(robot, rng)
     for _ in range(6):
         here = random_snapshot(robot, rng)
-        found = model.nearest(here)
-        step = size * rng.normal(size=robot.nv)
-        there = distances(robot, bodies, model.pairs.tolist(), robot.integrate(here.q, step, 1.0))
-        left = found.distance + model.rows(here, found) @ step - there
+        lost, bound = lost_and_bound(model, here, size * rng.normal(size=robot.nv))
         # Both iterations stop at 1e-7 m, EPA ten times later.
-        assert (left <= model.curvature_bound(found.pairs, step) + 5e-6).all()
+        assert (lost <= bound + 5e-6).all()
 
 
 def test_plates_face_to_face_may_lose_what_their_edges_do(hoap2) -> None:
@@ -36,20 +40,15 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(hoap2) -> None:
         box = Hull.box([0.2, 0.2, 0.01], offset).vertices + p[joint]
         bodies.append(Body(f"plate{k}", f"plate{k}", k, Hull((box - p[k]) @ R[k])))
     model = CollisionModel(hoap2, bodies, [(1, 0)])
-    found = model.nearest(here)
-    assert found.distance[0] == pytest.approx(0.04, abs=1e-6)
-    lost = []
+    assert model.nearest(here).distance[0] == pytest.approx(0.04, abs=1e-6)
+    most = []
     for angle in (0.01, -0.01):  # of the base, and the upper plate, about an axis in their plane
-        step = np.zeros(hoap2.nv)
-        step[3] = angle
-        bound = model.curvature_bound(found.pairs, step)[0]
-        there = hoap2.integrate(here.q, step, 1.0)
-        left = (found.distance + model.rows(here, found) @ step)[0]
-        lost.append(left - distances(hoap2, bodies, [(1, 0)], there)[0])
+        (lost,), (bound,) = lost_and_bound(model, here, angle * np.eye(hoap2.nv)[3])
         # No more than from edge to edge, and at least what was lost.
-        assert lost[-1] <= bound <= 0.01 * 0.2 * np.sqrt(2.0) + 1e-4
+        assert lost <= bound <= 0.01 * 0.2 * np.sqrt(2.0) + 1e-4
+        most.append(lost)
     # Of two parallel faces any points are nearest: those found miss one edge or the other.
-    assert max(lost) > 0.1 * 0.01 * 0.2
+    assert max(most) > 0.1 * 0.01 * 0.2
 
 
 @pytest.mark.parametrize("tilt", [0.002, 0.005, 0.008])
@@ -67,16 +66,11 @@ def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, hoap2) 
         Body("floor", "floor", 0, Hull(below)),
     ]
     model = CollisionModel(hoap2, bodies, [(0, 1)])
-    found = model.nearest(here)
-    assert found.distance[0] == pytest.approx(0.01, abs=1e-6)
-    angle, step = 0.01, np.zeros(hoap2.nv)
-    step[3] = angle
-    there = hoap2.integrate(here.q, step, 1.0)
-    left = (found.distance + model.rows(here, found) @ step)[0]
-    left -= distances(hoap2, bodies, [(0, 1)], there)[0]
-    bound = model.curvature_bound(found.pairs, step)[0]
-    assert left == pytest.approx(0.2 * (angle - tilt), rel=0.1)
-    assert left <= bound <= 1.05 * angle * 0.2  # of turning by all of it
+    assert model.nearest(here).distance[0] == pytest.approx(0.01, abs=1e-6)
+    angle = 0.01
+    (lost,), (bound,) = lost_and_bound(model, here, angle * np.eye(hoap2.nv)[3])
+    assert lost == pytest.approx(0.2 * (angle - tilt), rel=0.1)
+    assert lost <= bound <= 1.05 * angle * 0.2  # of turning by all of it
 
 
 def test_random_plates_lose_what_the_bound_says_and_no_less(hoap2, rng) -> None:
@@ -99,17 +93,13 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(hoap2, rng) -> None:
             world = box @ turn.T + middle
             bodies.append(Body(f"plate{k}", f"plate{k}", k, Hull((world - p[k]) @ R[k], radius)))
         model = CollisionModel(hoap2, bodies, [(0, 1)])
-        found = model.nearest(here)
         step = size * rng.normal(size=hoap2.nv)
-        bound = model.curvature_bound(found.pairs, step)[0]
-        there = hoap2.integrate(here.q, step, 1.0)
-        left = (found.distance + model.rows(here, found) @ step)[0]
-        left -= distances(hoap2, bodies, [(0, 1)], there)[0]
-        assert left <= bound + 5e-6
-        used.append(left / bound)
+        (lost,), (bound,) = lost_and_bound(model, here, step)
+        assert lost <= bound + 5e-6
+        used.append(lost / bound)
         between = supports[one] ^ supports[other]
         angle = sum(abs(step[hoap2.model.idx_vs[k]]) for k in between)
-        beyond += left > 0.5 * angle * angle + 5e-6
+        beyond += lost > 0.5 * angle * angle + 5e-6
     # 77 of 150 lose what is not of second order, and up to 0.44 of the bound is used.
     assert beyond > 60
     assert max(used) > 0.4

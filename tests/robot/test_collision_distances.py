@@ -1,46 +1,34 @@
 """Nearest points of segments against coal's capsules, brute force, and the degenerate cases."""
 
-import coal
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from tests.robot.by_coal import of_model
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Capsule, CollisionModel, Obstacle, PairDistances
 
 ROBOT, JOINT = Robot.load("hoap2_like"), 7
+HERE = ROBOT.snapshot(ROBOT.posture())
 
 
-def nearest(a0, a1, b0, b1) -> PairDistances:
-    """Distances of segments (k, 3): one of each pair hangs on a robot, the other on nothing."""
-    here = ROBOT.snapshot(ROBOT.posture())
-    R, p = (part[JOINT] for part in here.joint_placements)
-    ends = [np.atleast_2d(one) for one in (a0, a1, b0, b1)]
+def hung(*segments, radius: float = 0.0) -> CollisionModel:
+    """Return pairs of capsules (k, 3): one of each hangs on a robot, the other on nothing."""
+    R, p = (part[JOINT] for part in HERE.joint_placements)
+    ends = [np.atleast_2d(one) for one in segments]
     bodies = [
-        Body("", "", joint, Capsule.of(start, end, 0.0))
+        Body("", "", joint, Capsule.of(start, end, radius))
         for joint, starts, ends_ in ((JOINT, *[(one - p) @ R for one in ends[:2]]), (0, *ends[2:]))
         for start, end in zip(starts, ends_, strict=True)
     ]
     count = len(bodies) // 2
-    model = CollisionModel(ROBOT, bodies, [(k, count + k) for k in range(count)])
-    return model.measure(here, np.arange(count))
+    return CollisionModel(ROBOT, bodies, [(k, count + k) for k in range(count)])
 
 
-def by_coal(a0, a1, b0, b1, radius=0.05) -> float:
-    """Distance of the axes: that of coal's capsules plus both radii."""
-    parts = []
-    for start, end in ((a0, a1), (b0, b1)):
-        axis = end - start
-        length = np.linalg.norm(axis)
-        z = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
-        x = np.cross(z, [1.0, 0.0, 0.0] if abs(z[0]) < 0.9 else [0.0, 1.0, 0.0])
-        x /= np.linalg.norm(x)
-        R = np.column_stack((x, np.cross(z, x), z))
-        parts += [coal.Capsule(radius, length), coal.Transform3s(R, 0.5 * (start + end))]
-    request = coal.DistanceRequest()
-    request.gjk_tolerance = 1e-9
-    return coal.distance(*parts, request, coal.DistanceResult()) + 2 * radius
+def nearest(a0, a1, b0, b1) -> PairDistances:
+    model = hung(a0, a1, b0, b1)
+    return model.measure(HERE, np.arange(len(model.pairs)))
 
 
 def by_search(a0, a1, b0, b1) -> float:
@@ -57,7 +45,7 @@ def by_search(a0, a1, b0, b1) -> float:
 def test_random_segments_against_coal(rng) -> None:
     ends = rng.normal(size=(4, 300, 3))
     found = nearest(*ends)
-    expected = [by_coal(*ends[:, k]) for k in range(300)]
+    expected = of_model(hung(*ends, radius=0.05), HERE.q) + 2 * 0.05
     # coal's iteration stops within 1e-6 m.
     np.testing.assert_allclose(found.distance, expected, rtol=0, atol=2e-6)
     np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0, rtol=0, atol=1e-12)

@@ -36,6 +36,13 @@ def outside_hull(point, vertices) -> float:
     return float(nnls(A, np.append(point, tie))[1])
 
 
+def outside(points, shape: Capsule | Hull) -> float:
+    """How far the farthest point is outside a shape [m]; inside, less than 0."""
+    if isinstance(shape, Capsule):
+        return float(outside_segment(points, shape.ends).max()) - shape.radius
+    return max(outside_hull(point, shape.vertices) for point in points) - shape.radius
+
+
 CLOUDS = {
     "ball": lambda rng: rng.normal(size=(300, 3)),
     "rod": lambda rng: rng.normal(size=(200, 3)) * [0.02, 0.03, 1.0],
@@ -49,21 +56,14 @@ CLOUDS = {
 
 
 @pytest.mark.parametrize("cloud", CLOUDS)
-def test_a_capsule_holds_every_point(cloud: str, rng) -> None:
+def test_fits_hold_every_point(cloud: str, rng) -> None:
     points = CLOUDS[cloud](rng)
-    fit = fit_capsule(points)
-    outside = outside_segment(points, fit.shape.ends) - fit.shape.radius
-    assert outside.max() < 1e-12 * (1 + np.abs(points).max())
-    assert 0.0 <= fit.bulge <= 2 * fit.shape.radius
-
-
-@pytest.mark.parametrize("cloud", CLOUDS)
-def test_a_hull_holds_every_point(cloud: str, rng) -> None:
-    points = CLOUDS[cloud](rng)
-    fit = fit_hull(points)
-    outside = max(outside_hull(point, fit.shape.vertices) for point in points)
-    assert outside < fit.shape.radius + 1e-5 * (1 + np.abs(points).max())
-    assert len(fit.shape.vertices) <= 134
+    size = 1 + np.abs(points).max()
+    capsule, hull = fit_capsule(points), fit_hull(points)
+    assert outside(points, capsule.shape) < 1e-12 * size
+    assert 0.0 <= capsule.bulge <= 2 * capsule.shape.radius
+    assert outside(points, hull.shape) < 1e-5 * size
+    assert len(hull.shape.vertices) <= 134
 
 
 def test_a_rod_is_fitted_closely(rng) -> None:
@@ -103,12 +103,8 @@ def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named) -> 
     for body, shape in zip(bodies, robot.collision_model.geometryObjects, strict=True):
         vertices = np.array(shape.geometry.vertices())
         placed = vertices @ shape.placement.rotation.T + shape.placement.translation
-        if isinstance(body.shape, Capsule):
-            outside = outside_segment(placed, body.shape.ends).max()
-        else:
-            few = rng.choice(placed, size=10)
-            outside = max(outside_hull(point, body.shape.vertices) for point in few)
-        assert outside < body.shape.radius + 1e-6, body.name
+        few = placed if isinstance(body.shape, Capsule) else rng.choice(placed, size=10)
+        assert outside(few, body.shape) < 1e-6, body.name
         assert 0.0 <= body.bulge < 0.2
 
 
@@ -135,11 +131,9 @@ def test_parts_do_not_depend_on_the_last_bits(robot_named, rng, monkeypatch) -> 
 @pytest.mark.parametrize("fit", FITS)
 def test_cylinders_and_boxes(fit: str, hoap2) -> None:
     """Rims of cylinders and corners of boxes, from their sizes in the file."""
-    turns = np.linspace(0, 2 * np.pi, 50)
-    seen = set()
-    for body, shape in zip(
-        robot_bodies(hoap2, fit), hoap2.collision_model.geometryObjects, strict=True
-    ):
+    turns, seen = np.linspace(0, 2 * np.pi, 50), set()
+    shapes = hoap2.collision_model.geometryObjects
+    for body, shape in zip(robot_bodies(hoap2, fit), shapes, strict=True):
         geometry = shape.geometry
         seen.add(type(geometry))
         if isinstance(geometry, coal.Cylinder):
@@ -151,12 +145,7 @@ def test_cylinders_and_boxes(fit: str, hoap2) -> None:
         else:
             continue
         placed = local @ shape.placement.rotation.T + shape.placement.translation
-        if isinstance(body.shape, Capsule):
-            assert outside_segment(placed, body.shape.ends).max() < body.shape.radius + 1e-6
-        else:
-            assert isinstance(body.shape, Hull)
-            worst = max(outside_hull(point, body.shape.vertices) for point in placed[:20])
-            assert worst < body.shape.radius + 1e-6
+        assert outside(placed[:20] if fit == "hull" else placed, body.shape) < 1e-6
     assert {coal.Cylinder, coal.Box} <= seen
 
 

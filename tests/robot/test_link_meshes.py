@@ -1,52 +1,45 @@
 """Triangles of links against hand-made geometry and the volumes of solids."""
 
-from pathlib import Path
-
 import coal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests import urdf
 from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes, triangulated
 
 Array = NDArray[np.float64]
 
-URDF = """<robot name="two">
-  <link name="trunk">
-    <inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <visual>
-      <origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/>
-      <geometry><box size="0.2 0.4 0.6"/></geometry>
-      <material name="m"><color rgba="0.2 0.4 0.6 1"/></material>
-    </visual>
-    <visual>
-      <geometry><sphere radius="9"/></geometry>
-      <material name="ghost"><color rgba="1 1 1 0"/></material>
-    </visual>
-    <collision><geometry><sphere radius="0.5"/></geometry></collision>
-  </link>
-  <link name="arm">
-    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    {arm}
-  </link>
-  <joint name="elbow" type="revolute">
-    <parent link="trunk"/><child link="arm"/>
-    <origin xyz="0 0 1"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" velocity="1" effort="1"/>
-  </joint>
-</robot>"""
-ARM = """<visual>
-  <origin xyz="0.5 0 0" rpy="0 1.5707963267948966 0"/>
-  <geometry><cylinder radius="0.1" length="0.8"/></geometry>
-</visual>"""
+
+def visual(shape: str, at: str = "0 0 0", rpy: str = "0 0 0", material: str = "") -> str:
+    drawn = urdf.collision(shape, at, rpy).replace("collision", "visual")
+    return drawn.replace("</visual>", f"{material}</visual>")
+
+
+def material(rgba: str) -> str:
+    return f'<material name="m {rgba}"><color rgba="{rgba}"/></material>'
+
+
+TRUNK = (
+    visual('box size="0.2 0.4 0.6"', "0.1 0 0", f"0 0 {np.pi / 2}", material("0.2 0.4 0.6 1"))
+    + visual('sphere radius="9"', material=material("1 1 1 0"))
+    + urdf.collision('sphere radius="0.5"')
+)
+ARM = visual('cylinder radius="0.1" length="0.8"', "0.5 0 0", f"0 {np.pi / 2} 0")
+
+
+def two(trunk: str, arm: str) -> Robot:
+    ends = {"at": "0 0 1", "axis": "0 0 1", "limit": urdf.limit(3)}
+    links = urdf.link("trunk", trunk, 2, 1), urdf.link("arm", arm, 1, 1)
+    return Robot.load(
+        urdf.robot("two", *links, urdf.joint("elbow", "trunk", "arm", **ends)), feet={}
+    )
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Robot:
-    path = tmp_path / "two.urdf"
-    path.write_text(URDF.format(arm=ARM), encoding="utf-8")
-    return Robot.load(path, feet={})
+def robot() -> Robot:
+    return two(TRUNK, ARM)
 
 
 def enclosed_volume(vertices: Array, faces: Array) -> float:
@@ -85,12 +78,10 @@ def test_meshes_follow_the_base(robot: Robot) -> None:
         np.testing.assert_array_equal(after.faces, before.faces)
 
 
-def test_collision_shapes_are_drawn_if_there_is_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "two.urdf"
-    text = URDF.format(arm="").replace("<visual>", "<unseen>").replace("</visual>", "</unseen>")
-    path.write_text(text, encoding="utf-8")
-    (ball,) = RobotMeshes(Robot.load(path, feet={})).at([0, 0, 0, 0, 0, 0, 1, 0])
-    np.testing.assert_allclose(np.linalg.norm(ball.vertices, axis=1), 0.5, rtol=1e-12)
+def test_collision_shapes_are_drawn_if_there_is_nothing_else() -> None:
+    ball = two(urdf.collision('sphere radius="0.5"'), "")
+    (drawn,) = RobotMeshes(ball).at([0, 0, 0, 0, 0, 0, 1, 0])
+    np.testing.assert_allclose(np.linalg.norm(drawn.vertices, axis=1), 0.5, rtol=1e-12)
 
 
 def test_height_of_the_shipped_robot(hoap2: Robot) -> None:
