@@ -1,12 +1,12 @@
 """The model that MuJoCo has is the robot: oracle is Pinocchio, at random states."""
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from tests.conftest import load, random_state
-from tests.simulation.accelerations import acceleration_from_mujoco, mass_and_bias
+from tests.simulation.accelerations import mass_and_bias
+from tests.simulation.idle import idle
 from wbc.errors import ModelError
 from wbc.robot import Robot, robot_names
 from wbc.simulation import Plant, Terrain
@@ -45,33 +45,6 @@ def test_ranges_are_the_robots(humanoid: Robot) -> None:
         assert plant.model.jnt_limited[joint.id]
 
 
-def test_forward_dynamics_in_flight_are_those_of_the_articulated_body_algorithm(
-    humanoid: Robot, rng: np.random.Generator
-) -> None:
-    """With torques and a force on a link, and the damping that only the physics has."""
-    robot = humanoid
-    plant = Plant(robot, shapes=False)
-    plant.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    link = robot.feet["left"].frame
-    joint = robot.model.frames[robot.frame_id(link)].parentJoint
-    for _ in range(5):
-        q, v = random_state(robot, rng)
-        tau, force = rng.normal(size=robot.nv - 6), 10.0 * rng.normal(size=3)
-        plant.reset(q, v)
-        plant.states.torques_to_mujoco(tau, plant.data.qfrc_applied)
-        body = plant.model.body(f"body {joint}").id
-        s = robot.snapshot(q, v)
-        arm = s.position(link) - plant.data.xipos[body]
-        plant.data.xfrc_applied[body] = np.concatenate((force, np.cross(arm, force)))
-        mujoco.mj_forward(plant.model, plant.data)
-        found = acceleration_from_mujoco(plant.states, q, v, plant.data.qacc)
-        total = s.jacobian(link)[:3].T @ force - robot.model.damping * v
-        total[6:] += tau
-        a = pin.aba(robot.model, robot.model.createData(), q, v, total)
-        # two factorisations of matrices with a condition of 1e6
-        np.testing.assert_allclose(found, a, atol=1e-9 * np.abs(a).max())
-
-
 def test_icub_as_its_file_is_cannot_be_simulated() -> None:
     with pytest.raises(ModelError, match=r"neck_yaw .* armature"):
         Plant(Robot.load("icub", armature=0.0))
@@ -104,6 +77,5 @@ def test_a_time_constant_that_mujoco_does_not_take_is_told(hoap2: Robot) -> None
         " no less; not 0.0001",
     )
     for plant in (soft, stiff):
-        for _ in range(20):
-            plant.step(np.zeros(hoap2.nv - 6))
+        idle(plant, 20)
     np.testing.assert_array_equal(soft.state()[0], stiff.state()[0])

@@ -10,8 +10,9 @@ import pytest
 
 from tests.conftest import load, random_state
 from tests.simulation.accelerations import acceleration_from_mujoco
+from tests.simulation.idle import idle, in_the_air
 from wbc.controllers import TorqueController
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot
 from wbc.simulation import Plant, Sensors, SimulationError, Step, Terrain
 from wbc.tasks import PostureTask
@@ -51,47 +52,6 @@ def test_flight_keeps_momentum_and_obeys_gravity(humanoid: Robot, rng: np.random
     np.testing.assert_allclose(now.momentum[3:], start.momentum[3:], atol=2e-3 * size)
 
 
-def in_the_air(physics_dt: float) -> Plant:
-    """A G1 that moves in all ways, high up; its joints have no stops, which take energy."""
-    plant = Plant(load("g1"), shapes=False, physics_dt=physics_dt)
-    plant.model.jnt_limited[:] = 0
-    q, v = random_state(plant.robot, np.random.default_rng(5))
-    q[2] = 50.0
-    plant.reset(q, 0.3 * v)
-    return plant
-
-
-def test_the_momentum_error_is_of_the_integrators_order() -> None:
-    errors = []
-    for physics_dt in (1e-3, 5e-4, 2.5e-4):
-        plant = in_the_air(physics_dt)
-        start = plant.snapshot()
-        for _ in range(25):
-            plant.step(np.zeros(plant.robot.nv - 6))
-        errors.append(np.linalg.norm(plant.snapshot().momentum[3:] - start.momentum[3:]))
-    assert 1.7 < errors[0] / errors[1] < 2.3 and 1.7 < errors[1] / errors[2] < 2.3
-
-
-def test_energy_in_flight_is_kept_to_the_order_of_the_integrator() -> None:
-    """Without torques and damping: kinetic and potential energy, by Pinocchio."""
-    robot, errors = load("g1"), []
-    assert not robot.damping.any()
-
-    def energy(plant: Plant) -> float:
-        s = plant.snapshot()
-        height = 9.81 * robot.mass * (s.com[2] - 50.0)
-        return 0.5 * float(s.v @ s.mass_matrix @ s.v) + height
-
-    for physics_dt in (1e-3, 5e-4):
-        plant = in_the_air(physics_dt)
-        start = energy(plant)
-        for _ in range(50):
-            plant.step(np.zeros(robot.nv - 6))
-        errors.append(energy(plant) - start)
-    assert abs(errors[0]) < 2e-2 * 9.81 * robot.mass * 0.05  # of the height fallen in 0.1 s
-    assert 1.7 < errors[0] / errors[1] < 2.3
-
-
 @pytest.mark.parametrize("name", ["g1", "hoap2_like"])
 def test_standing_the_feet_carry_the_weight_under_the_com(name: str) -> None:
     humanoid = load(name)
@@ -116,8 +76,7 @@ def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion() -> None:
     plant = Plant(robot)
     q = robot.posture("standing")
     plant.reset(q, 0.1 * np.random.default_rng(3).normal(size=robot.nv))
-    for _ in range(5):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, 5)
     q, v = plant.state()
     plant.model.opt.tolerance = 0.0  # the solver's forces are otherwise right to 1e-7 of these
     mujoco.mj_forward(plant.model, plant.data)
@@ -140,30 +99,22 @@ def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion() -> None:
 @pytest.mark.parametrize("profile", ["rectangular", "half_sine"])
 @pytest.mark.parametrize("duration", [0.1, 0.0333])  # the second is no multiple of a step
 def test_a_push_changes_the_momentum_by_its_impulse(profile: str, duration: float) -> None:
-    robot = load("hoap2_like")
-    plant = Plant(robot, shapes=False)
-    q = robot.posture("standing")
-    q[2] = 30.0
-    plant.reset(q)
-    push = plant.push(
-        "base", [3.0, -2.0, 1.0], "com", duration=duration, profile=profile, start=0.0105
-    )
+    plant = in_the_air(load("hoap2_like"))
+    given = {"duration": duration, "profile": profile, "start": 0.0105}
+    push = plant.push("base", [3.0, -2.0, 1.0], "com", **given)
     factor = 1.0 if profile == "rectangular" else 2.0 / np.pi
     np.testing.assert_allclose(push.impulse, push.force * duration * factor, rtol=1e-12)
-    for _ in range(70):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, 70)
     assert not plant.pushes
-    momentum = plant.snapshot().momentum
-    expected = push.impulse + robot.mass * GRAVITY * plant.time
-    np.testing.assert_allclose(momentum[:3], expected, atol=2e-4 * np.abs(expected).max())
+    expected = push.impulse + plant.robot.mass * GRAVITY * plant.time
+    found = plant.snapshot().momentum[:3]
+    np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
 
 
 def test_what_begins_now_may_be_told_by_the_clock() -> None:
     """The time is a sum of steps: 0.01 was refused, as "0.01 s is over; it is 0.01 s"."""
-    robot = load("hoap2_like")
-    plant = Plant(robot)
-    for _ in range(5):
-        plant.step(np.zeros(robot.nv - 6))
+    plant = Plant(load("hoap2_like"))
+    idle(plant, 5)
     assert plant.time > 0.01
     push = plant.push("base", [1.0, 0.0, 0.0], start=0.01)
     wrench = plant.apply("base", np.ones(6), start=0.01)
@@ -174,19 +125,14 @@ def test_what_begins_now_may_be_told_by_the_clock() -> None:
 
 
 def test_a_push_beside_the_com_turns_the_robot() -> None:
-    robot = load("hoap2_like")
-    plant = Plant(robot, shapes=False)
-    q = robot.posture("standing")
-    q[2] = 30.0
-    plant.reset(q)
-    point = np.array([0.0, 0.05, 0.02])
+    plant = in_the_air(load("hoap2_like"))
+    point, s = np.array([0.0, 0.05, 0.02]), plant.snapshot()
     push = plant.push("left_hand", [0.2, 0.0, 0.12], point, duration=0.002)
-    s = robot.snapshot(q)
     arm = s.position("left_hand") + s.rotation("left_hand") @ point - s.com
-    plant.step(np.zeros(robot.nv - 6))
-    turned = plant.snapshot().momentum[3:]
+    idle(plant)
     expected = np.cross(arm, push.impulse)
-    np.testing.assert_allclose(turned, expected, atol=0.005 * np.abs(expected).max())  # it moves
+    found = plant.snapshot().momentum[3:]
+    np.testing.assert_allclose(found, expected, atol=0.005 * np.abs(expected).max())  # it moves
 
 
 @pytest.mark.slow
@@ -242,7 +188,7 @@ def test_a_blow_up_is_an_error_with_time_and_joint() -> None:
     assert caught.value.joint in (*plant.robot.joint_names, "base")
     assert caught.value.time == pytest.approx(plant.time, abs=0.003)
     plant.reset(plant.robot.posture("standing"))  # and it can begin again
-    plant.step(np.zeros(plant.robot.nv - 6))
+    idle(plant)
 
 
 def test_torques_are_held_to_the_effort_limits() -> None:
@@ -276,8 +222,7 @@ def test_on_a_slope_it_slides_as_a_block_does(friction: float) -> None:
     q[:3] = q[0], c * q[1] - s * q[2], s * q[1] + c * q[2]
     q[3:7] = np.sin(angle / 2), 0.0, 0.0, np.cos(angle / 2)
     plant.reset(q)
-    for _ in range(round(time / plant.dt)):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, round(time / plant.dt))
     moved = robot.difference(q, plant.state()[0])[:3]  # in its own axes: y is up the slope
     slides = max(0.0, 9.81 * (s - friction * c))
     assert abs(moved[0]) < 1e-3 and abs(moved[2]) < 1e-3
@@ -329,7 +274,7 @@ def test_links_that_may_meet_do_not_when_standing() -> None:
         plant = Plant(robot, self_collision=True)
         assert plant.self_contacts() == () == plant.touching()
         # internal forces are no forces of the ground
-        plant.step(np.zeros(robot.nv - 6))
+        idle(plant)
         assert len(plant.contacts.points) == sum(len(f.polygon) for f in robot.feet.values())
 
 
@@ -344,8 +289,7 @@ def test_a_step_edge_below_the_soles_is_felt() -> None:
     step = Step(centre=[edge - 0.5, 0.0, 0.1], size=[1.0, 1.0, 0.1])
     plant = Plant(robot, terrain=Terrain(steps=(step,)), shapes=False)
     plant.reset(q)
-    for _ in range(300):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, 300)
     points = plant.contacts.points
     np.testing.assert_allclose(points[:, 2], 0.1, atol=1e-3)
     assert points[:, 0].max() == pytest.approx(edge, abs=1e-3)  # not only at the heels
@@ -354,8 +298,7 @@ def test_a_step_edge_below_the_soles_is_felt() -> None:
     step = Step(centre=[start.com[0] - 0.02 - 0.5, 0.0, 0.1], size=[1.0, 1.0, 0.1])
     plant = Plant(robot, terrain=Terrain(steps=(step,)), shapes=False)
     plant.reset(q)
-    for _ in range(150):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, 150)
     tipped = plant.body_rotation("base")[2] @ robot.snapshot(q).rotation("base")[2]
     assert 0.5 < tipped < 0.999
     assert plant.contacts.points[:, 0].max() == pytest.approx(start.com[0] - 0.02, abs=0.01)
@@ -363,34 +306,26 @@ def test_a_step_edge_below_the_soles_is_felt() -> None:
 
 def test_mistakes_are_typed() -> None:
     robot = load("hoap2_like")
-    plant = Plant(robot)
-    zero = np.zeros(robot.nv - 6)
-    with pytest.raises(InvalidInputError, match="torque"):
-        plant.step(zero[1:])
-    with pytest.raises(InvalidInputError, match="torque"):
-        plant.step(zero * np.nan)
+    plant, zero = Plant(robot), np.zeros(robot.nv - 6)
     posture = PostureTask(robot, robot.posture("standing"))
     tick = TorqueController(robot, [posture], contacts=()).step(plant.snapshot())
-    with pytest.raises(InvalidInputError, match=r"plant\.step\(tick\.torque\)"):
-        plant.step(tick)  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="multiple of physics_dt"):
-        plant.step(zero, dt=0.0025)
-    with pytest.raises(InvalidInputError, match="multiple"):
-        Plant(robot, dt=0.0005)
-    with pytest.raises(UnknownNameError, match="frame"):
-        plant.push("left_hnad", [1, 0, 0])
-    with pytest.raises(UnknownNameError, match="half_sine"):
-        plant.push("base", [1, 0, 0], profile="halfsine")
-    with pytest.raises(UnknownNameError, match="com"):
-        plant.push("base", [1, 0, 0], "centre")
-    with pytest.raises(InvalidInputError, match="start"):
-        plant.push("base", [1, 0, 0], start=-1.0)
-    with pytest.raises(InvalidInputError, match="robot"):
-        Plant("g1")  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="not both"):
-        Plant(robot, friction=0.5, terrain=Terrain())
-    with pytest.raises(InvalidInputError, match="friction"):
-        Plant(robot, friction=-0.5)
+    mistakes: list[tuple[Callable[[], object], type[WbcError], str]] = [
+        (lambda: plant.step(zero[1:]), InvalidInputError, "torque"),
+        (lambda: plant.step(zero * np.nan), InvalidInputError, "torque"),
+        (lambda: plant.step(tick), InvalidInputError, r"plant\.step\(tick\.torque\)"),
+        (lambda: plant.step(zero, dt=0.0025), InvalidInputError, "multiple of physics_dt"),
+        (lambda: Plant(robot, dt=0.0005), InvalidInputError, "multiple"),
+        (lambda: plant.push("left_hnad", [1, 0, 0]), UnknownNameError, "frame"),
+        (lambda: plant.push("base", [1, 0, 0], profile="halfsine"), UnknownNameError, "half_sine"),
+        (lambda: plant.push("base", [1, 0, 0], "centre"), UnknownNameError, "com"),
+        (lambda: plant.push("base", [1, 0, 0], start=-1.0), InvalidInputError, "start"),
+        (lambda: Plant("g1"), InvalidInputError, "robot"),
+        (lambda: Plant(robot, friction=0.5, terrain=Terrain()), InvalidInputError, "not both"),
+        (lambda: Plant(robot, friction=-0.5), InvalidInputError, "friction"),
+    ]
+    for mistake, error, said in mistakes:
+        with pytest.raises(error, match=said):
+            mistake()
 
 
 @pytest.mark.parametrize(
@@ -398,19 +333,14 @@ def test_mistakes_are_typed() -> None:
 )
 def test_a_copy_goes_on_by_itself(how: Callable[[Plant], Plant]) -> None:
     """From where the plant was, with its noise, delay and push; which may go on before it."""
-    sensors = Sensors(position_noise=1e-3, delay=0.002)
     robot = load("hoap2_like")
-    plant = Plant(robot, sensors=sensors)
+    plant = Plant(robot, sensors=Sensors(position_noise=1e-3, delay=0.002))
     plant.push("base", (5.0, 0.0, 0.0), duration=0.1)
-    idle = np.zeros(robot.nv - 6)
-    for _ in range(5):
-        plant.step(idle)
+    idle(plant, 5)
     other = how(plant)
     assert how is not copy.copy or other.snapshot().robot is robot
-    for _ in range(10):
-        plant.step(idle)
+    idle(plant, 10)
     assert other.time == pytest.approx(0.01)
-    for _ in range(10):
-        other.step(idle)
+    idle(other, 10)
     np.testing.assert_array_equal(other.snapshot().q, plant.snapshot().q)
     np.testing.assert_array_equal(other.contacts.forces, plant.contacts.forces)

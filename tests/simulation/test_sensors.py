@@ -4,57 +4,47 @@ import numpy as np
 import pytest
 
 from tests.conftest import load
+from tests.simulation.idle import idle, in_the_air
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation import Plant, Sensors
+from wbc.validate import Array
 
 QUIET = {"shapes": False}
 
 
-def drop(plant: Plant) -> None:
-    """Begin in free fall."""
-    q = plant.robot.posture("standing")
-    q[2] += 50.0
-    plant.reset(q)
-
-
-def stepped(plant: Plant, count: int) -> list[tuple[np.ndarray, np.ndarray] | None]:
+def fallen(robot: Robot, count: int, **options: object) -> list[tuple[Array, Array] | None]:
     """Measurements before each of ``count`` steps from the standing posture, in free fall."""
-    drop(plant)
-    found = []
+    plant, found = in_the_air(robot, **options), []
     for _ in range(count):
         found.append(plant.measure())
-        plant.step(np.zeros(plant.robot.nv - 6))
+        idle(plant)
+    return found
+
+
+def measured(plant: Plant) -> tuple[Array, Array]:
+    found = plant.measure()
+    assert found is not None
     return found
 
 
 def test_without_faults_the_state_is_measured() -> None:
     plant = Plant(load("g1"))
-    measured = plant.measure()
-    assert measured is not None
-    for seen, true in zip(measured, plant.state(), strict=True):
+    for seen, true in zip(measured(plant), plant.state(), strict=True):
         assert seen.tobytes() == true.tobytes()
 
 
 def test_noise_has_the_spread_asked_for_and_no_bias() -> None:
     robot = load("g1")
-    sensors = Sensors(
-        position_noise=1e-3,
-        velocity_noise=0.05,
-        base_position_noise=2e-3,
-        base_rotation_noise=3e-3,
-        base_velocity_noise=0.02,
-        base_rate_noise=0.03,
-        seed=3,
-    )
-    plant = Plant(robot, sensors=sensors, **QUIET)
-    errors_q, errors_v = [], []
-    drop(plant)
+    base = {"base_position_noise": 2e-3, "base_rotation_noise": 3e-3}
+    base |= {"base_velocity_noise": 0.02, "base_rate_noise": 0.03}
+    sensors = Sensors(position_noise=1e-3, velocity_noise=0.05, **base, seed=3)
+    plant, errors_q, errors_v = in_the_air(robot, sensors=sensors), [], []
     for _ in range(400):
-        (seen_q, seen_v), (true_q, true_v) = plant.measure(), plant.state()
+        (seen_q, seen_v), (true_q, true_v) = measured(plant), plant.state()
         errors_q.append(robot.difference(true_q, seen_q))
         errors_v.append(seen_v - true_v)
-        plant.step(np.zeros(robot.nv - 6))
+        idle(plant)
     for errors, spreads in (
         (np.array(errors_q), (2e-3, 3e-3, 1e-3)),
         (np.array(errors_v), (0.02, 0.03, 0.05)),
@@ -75,10 +65,8 @@ def test_a_bias_stays_until_the_seed_changes() -> None:
     for seed in (1, 1, 2):
         plant = Plant(robot, sensors=Sensors(position_bias=0.01, seed=seed), **QUIET)
         for _ in range(2):
-            plant.step(np.zeros(robot.nv - 6))
-            measured = plant.measure()
-            assert measured is not None
-            offsets.append(robot.difference(plant.state()[0], measured[0]))
+            idle(plant)
+            offsets.append(robot.difference(plant.state()[0], measured(plant)[0]))
     offsets = np.array(offsets)
     np.testing.assert_allclose(offsets[0], offsets[1], atol=1e-12)
     np.testing.assert_allclose(offsets[0], offsets[2], atol=1e-12)
@@ -90,8 +78,7 @@ def test_a_bias_stays_until_the_seed_changes() -> None:
 
 def test_a_delay_shows_the_state_of_then() -> None:
     robot = load("hoap2_like")
-    now = stepped(Plant(robot, **QUIET), 12)
-    late = stepped(Plant(robot, sensors=Sensors(delay=0.004), **QUIET), 12)
+    now, late = fallen(robot, 12), fallen(robot, 12, sensors=Sensors(delay=0.004))
     for k in range(12):
         seen, then = late[k], now[max(0, k - 2)]
         assert seen is not None and then is not None
@@ -116,34 +103,31 @@ def test_a_latency_applies_the_torques_of_then(rng: np.random.Generator) -> None
 
 
 def test_frames_are_lost_as_often_as_asked_for() -> None:
-    robot = load("hoap2_like")
-    found = stepped(Plant(robot, sensors=Sensors(dropout=0.3, seed=5), **QUIET), 400)
-    share = np.mean([frame is None for frame in found])
-    assert share == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / 400))
-    again = stepped(Plant(robot, sensors=Sensors(dropout=0.3, seed=5), **QUIET), 400)
-    assert [frame is None for frame in found] == [frame is None for frame in again]
+    sensors = Sensors(dropout=0.3, seed=5)
+    once, again = (
+        [frame is None for frame in fallen(load("hoap2_like"), 400, sensors=sensors)]
+        for _ in range(2)
+    )
+    assert np.mean(once) == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / 400))
+    assert once == again
 
 
 def test_asking_twice_changes_nothing() -> None:
     robot, sensors = load("hoap2_like"), Sensors(position_noise=0.01, velocity_noise=0.1, seed=9)
-    once = stepped(Plant(robot, sensors=sensors, **QUIET), 5)
-    plant = Plant(robot, sensors=sensors, **QUIET)
-    drop(plant)
-    for frame in once:
-        first, second = plant.measure(), plant.measure()
-        assert frame is not None and first is not None and second is not None
+    plant = in_the_air(robot, sensors=sensors)
+    for frame in fallen(robot, 5, sensors=sensors):
+        first, second = measured(plant), measured(plant)
+        assert frame is not None
         assert first[0].tobytes() == second[0].tobytes() == frame[0].tobytes()
         first[0][:] = np.nan  # ours to spoil
-        plant.step(np.zeros(robot.nv - 6))
+        idle(plant)
 
 
 def test_a_fixed_base_is_known() -> None:
     robot = Robot.load("hoap2_like", base="fixed", feet={})
     plant = Plant(robot, sensors=Sensors(base_position_noise=1.0, base_rate_noise=1.0), **QUIET)
-    measured = plant.measure()
-    assert measured is not None
-    np.testing.assert_array_equal(measured[0], plant.state()[0])
-    np.testing.assert_array_equal(measured[1], plant.state()[1])
+    for seen, true in zip(measured(plant), plant.state(), strict=True):
+        np.testing.assert_array_equal(seen, true)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 
 from tests.conftest import load, random_state
 from tests.simulation.accelerations import acceleration_from_mujoco, acceleration_to_mujoco
+from tests.simulation.idle import idle
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, robot_names
 from wbc.simulation import Plant
@@ -58,8 +59,7 @@ def test_a_fixed_base_stays_where_it_is_put() -> None:
     q[:3] = 0.3, -0.2, 2.0
     q[3:7] = np.array([0.1, 0.2, 0.3, 0.9]) / np.sqrt(0.95)
     plant.reset(q)
-    for _ in range(20):
-        plant.step(np.zeros(robot.nv - 6))
+    idle(plant, 20)
     end, v = plant.state()
     np.testing.assert_array_equal(end[:7], robot.check_configuration(q)[:7])
     assert not v[:6].any() and v[6:].any()
