@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -74,14 +73,9 @@ def test_with_no_limit_on_failures_the_whole_grid_is_tried() -> None:
 
 
 def test_gentle_pushes_come_first_and_are_recorded_as_they_come() -> None:
-    recorded: list[PushOutcome] = []
-    told: list[tuple[int, int]] = []
-    outcomes = run_campaign(
-        PushGrid(4, RATIOS),
-        Ellipse(),
-        record=recorded.append,
-        progress=lambda done, total, info: told.append((done, total)),
-    )
+    recorded, told = list[PushOutcome](), list[tuple[int, int]]()
+    heard = {"record": recorded.append, "progress": lambda *one: told.append(one[:2])}
+    outcomes = run_campaign(PushGrid(4, RATIOS), Ellipse(), **heard)
     assert [one.ratio for one in recorded] == sorted(one.ratio for one in recorded)
     assert sorted(keys(recorded)) == keys(outcomes)
     assert [done for done, _ in told] == [k + 1 for k in range(len(outcomes))]
@@ -122,14 +116,9 @@ def test_what_a_process_cannot_load_or_survive_is_told() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_it_ends_when_asked_with_what_there_is(workers: int) -> None:
-    recorded: list[PushOutcome] = []
-    outcomes = run_campaign(
-        PushGrid(4, RATIOS),
-        Ellipse(),
-        workers=workers,
-        record=recorded.append,
-        cancelled=lambda: len(recorded) >= 3,
-    )
+    recorded = list[PushOutcome]()
+    ends = {"record": recorded.append, "cancelled": lambda: len(recorded) >= 3}
+    outcomes = run_campaign(PushGrid(4, RATIOS), Ellipse(), workers=workers, **ends)
     assert 3 <= len(outcomes) == len(recorded) < 20
 
 
@@ -198,34 +187,31 @@ def test_the_log_of_another_campaign_is_refused_by_what_differs(tmp_path: Path) 
         CampaignLog(path, MADE_OF)
 
 
+CAMPAIGN = """
+import multiprocessing, sys
+from pathlib import Path
+from tests.simulation.test_campaign import Ellipse, RATIOS
+from wbc.simulation import PushGrid, run_campaign
+from wbc.simulation.campaign import CampaignLog
+
+def record(one):
+    kept.record("one", one)
+    print(len(multiprocessing.active_children()), flush=True)
+
+if __name__ == "__main__":
+    with CampaignLog(Path(sys.argv[1]), {}) as kept:
+        run_campaign(PushGrid(6, RATIOS), Ellipse(stays_at=1.2), workers=2, record=record)
+"""
+
+
 @pytest.mark.slow
 def test_after_a_kill_it_goes_on_and_no_process_is_left(tmp_path: Path) -> None:
     """SIGKILL in the midst: the processes end by themselves, and what was done is not redone."""
-    log = tmp_path / "log"
-    script = tmp_path / "campaign.py"
-    script.write_text(
-        textwrap.dedent(
-            f"""
-            import multiprocessing, sys
-            sys.path.insert(0, {str(Path(__file__).parents[2])!r})
-            from pathlib import Path
-            from tests.simulation.test_campaign import Ellipse, RATIOS
-            from wbc.simulation import PushGrid, run_campaign
-            from wbc.simulation.campaign import CampaignLog
-
-            def record(one):
-                kept.record("one", one)
-                print(len(multiprocessing.active_children()), flush=True)
-
-            if __name__ == "__main__":
-                with CampaignLog(Path({str(log)!r}), {{}}) as kept:
-                    run_campaign(
-                        PushGrid(6, RATIOS), Ellipse(stays_at=1.2), workers=2, record=record
-                    )
-            """
-        )
-    )
-    running = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    log, script = tmp_path / "log", tmp_path / "campaign.py"
+    script.write_text(CAMPAIGN)
+    command = [sys.executable, str(script), str(log)]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env)
     assert running.stdout is not None
     assert [running.stdout.readline() for _ in range(12)][-1] == "2\n"  # six directions, 0.8 and 1
     running.send_signal(signal.SIGKILL)

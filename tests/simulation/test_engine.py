@@ -27,13 +27,8 @@ except wbc.WbcError as error:
 
 @pytest.mark.slow
 def test_without_mujoco() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", CODE],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-    )
+    command, here = [sys.executable, "-c", CODE], Path(__file__).parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=here)
     assert done.stdout.startswith("MissingPackageError simulation needs mujoco")
     assert "pip install 'wbc[sim]'" in done.stdout
 
@@ -51,12 +46,8 @@ def test_warnings_are_errors(kind: str, words: str, joint: str | None) -> None:
     index = int(getattr(mujoco.mjtWarning, kind))
     numbers, infos = np.zeros(8, dtype=int), np.zeros(8, dtype=int)
     numbers[index], infos[index] = 2, 1
-    data = SimpleNamespace(
-        time=0.25,
-        qpos=np.zeros(2),
-        qvel=np.zeros(2),
-        warning=SimpleNamespace(number=numbers, lastinfo=infos),
-    )
+    warning = SimpleNamespace(number=numbers, lastinfo=infos)
+    data = SimpleNamespace(time=0.25, qpos=np.zeros(2), qvel=np.zeros(2), warning=warning)
     with pytest.raises(SimulationError, match=words) as caught:
         check_state(mujoco, data, ("base", "knee"), ("base", "base"))
     assert (caught.value.time, caught.value.joint) == (0.25, joint)

@@ -149,9 +149,8 @@ def test_a_recording_is_read_by_analyze(tmp_path: Path) -> None:
         # the reaction that analysis derives from the motion is the one that was recorded
         middle = slice(100, 190)
         np.testing.assert_allclose(series.cop[middle, 0], found["cop"][middle, 0], atol=0.01)
-        np.testing.assert_allclose(
-            robot.mass * (series.com_acceleration[middle, 2] + 9.81), total[middle, 2], rtol=0.05
-        )
+        reaction = robot.mass * (series.com_acceleration[middle, 2] + 9.81)
+        np.testing.assert_allclose(reaction, total[middle, 2], rtol=0.05)
 
 
 def test_no_part_of_a_duration_is_left_out() -> None:
@@ -164,12 +163,10 @@ def test_no_part_of_a_duration_is_left_out() -> None:
 def test_a_trial_of_a_slower_controller_has_its_ticks_at_their_times() -> None:
     """They were a period of the plant before their ends, and half of them was said to be to do."""
     robot = load("hoap2_like")
-    plant, walker, said = Plant(robot, dt=DT), Walker(robot, dt=2.0 * DT), []
-
-    def progress(done: int, total: int, info: object) -> None:
-        said.append((done, total))
-
-    result = run_trial(ScheduledWalk(walker, ()), plant, Stop(duration=0.1), progress=progress)
+    walk, plant, said = ScheduledWalk(Walker(robot, dt=2.0 * DT), ()), Plant(robot, dt=DT), []
+    result = run_trial(
+        walk, plant, Stop(duration=0.1), progress=lambda *told: said.append(told[:2])
+    )
     ticks = result.run.history.arrays()["time"]
     np.testing.assert_allclose(ticks, 2.0 * DT * np.arange(25), atol=1e-9)
     assert said[-1] == (25, 25)
@@ -177,22 +174,21 @@ def test_a_trial_of_a_slower_controller_has_its_ticks_at_their_times() -> None:
 
 def test_mistakes_are_typed() -> None:
     robot = load("hoap2_like")
-    plant = Plant(robot, dt=DT)
+    plant, loaded = Plant(robot, dt=DT), Plant(robot, dt=DT)
     start = robot.snapshot(robot.posture("standing"))
     kinematic = wbc.KinematicController(robot, [wbc.PostureTask(robot, start.q)], dt=DT)
-    with pytest.raises(InvalidInputError, match="KinematicController commands no torques"):
-        next(simulate(kinematic, plant, 1.0))
-    loaded = Plant(robot, dt=DT)
     loaded.apply("torso", (0.0, 0.0, -20.0, 0.0, 0.0, 0.0))
-    with pytest.raises(InvalidInputError, match=r"Walker takes no known wrenches.* on torso"):
-        next(simulate(Walker(robot, dt=DT), loaded, 1.0))  # it sank by 3 cm, in silence
-    with pytest.raises(InvalidInputError, match="same object"):
-        next(simulate(standing(Robot.load("hoap2_like")), plant, 1.0))
-    with pytest.raises(InvalidInputError, match="duration"):
-        next(simulate(standing(robot), plant, -1.0))
-    with pytest.raises(UnknownNameError, match="frame"):
-        next(simulate(standing(robot), plant, 1.0, falls=FallLimits(trunk="trnk")))
-    with pytest.raises(InvalidInputError, match="com_height"):
-        FallLimits(com_height=1.0)
-    with pytest.raises(InvalidInputError, match=r"written as"):
-        Recorder(plant).save("run.txt")
+    trunk, other = FallLimits(trunk="trnk"), standing(Robot.load("hoap2_like"))
+    mistakes = (
+        (lambda: next(simulate(kinematic, plant, 1.0)), "KinematicController commands no torques"),
+        # It sank by 3 cm, in silence.
+        (lambda: next(simulate(Walker(robot, dt=DT), loaded, 1.0)), r"takes no known .* on torso"),
+        (lambda: next(simulate(other, plant, 1.0)), "same object"),
+        (lambda: next(simulate(standing(robot), plant, -1.0)), "duration"),
+        (lambda: next(simulate(standing(robot), plant, 1.0, falls=trunk)), "frame"),
+        (lambda: FallLimits(com_height=1.0), "com_height"),
+        (lambda: Recorder(plant).save("run.txt"), "written as"),
+    )
+    for mistake, said in mistakes:
+        with pytest.raises((InvalidInputError, UnknownNameError), match=said):
+            mistake()

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,19 +27,12 @@ def outcomes(table: tuple[str, ...]) -> list[PushOutcome]:
     ]
 
 
-@pytest.fixture
-def made() -> Callable[[tuple[str, ...]], PushMap]:
+def made(table: tuple[str, ...]) -> PushMap:
     bounds = push_bounds(standing(load("hoap2_like")), ("left", "right"), GRID.angles, 0.1, 1.2)
-
-    def one(table: tuple[str, ...]) -> PushMap:
-        return PushMap("p", "hoap2_like", GRID, outcomes(table), bounds, bounds)
-
-    return one
+    return PushMap("p", "hoap2_like", GRID, outcomes(table), bounds, bounds)
 
 
-def test_a_limit_is_the_largest_up_to_which_all_were_survived(
-    made: Callable[[tuple[str, ...]], PushMap],
-) -> None:
+def test_a_limit_is_the_largest_up_to_which_all_were_survived() -> None:
     found = made(SURVIVED)
     np.testing.assert_array_equal(found.limits, [1.2, 1.2, 1.6, 0.0])
     np.testing.assert_array_equal(found.open_ended, [False, False, True, False])
@@ -52,9 +44,7 @@ def test_a_limit_is_the_largest_up_to_which_all_were_survived(
     assert found.first_failure(2) is None
 
 
-def test_directions_that_were_not_tried_are_not_limits(
-    made: Callable[[tuple[str, ...]], PushMap], tmp_path: Path
-) -> None:
+def test_directions_that_were_not_tried_are_not_limits(tmp_path: Path) -> None:
     part = made(("110.", "....", "1...", "...."))
     np.testing.assert_array_equal(part.limits, [1.2, np.nan, 1.0, np.nan])
     np.testing.assert_array_equal(part.tried, [True, False, True, False])
@@ -70,7 +60,7 @@ def test_directions_that_were_not_tried_are_not_limits(
     assert nothing.summary()["least"] is None
 
 
-def test_files_hold_what_the_map_says(made: Callable[[tuple[str, ...]], PushMap], tmp_path) -> None:
+def test_files_hold_what_the_map_says(tmp_path: Path) -> None:
     one, other = made(SURVIVED), made(("1000", "1000", "1110", "1000"))
     for ending in ("json", "npz", "csv"):
         save_maps(tmp_path / f"r.{ending}", [one, other], {"push": {"duration": 0.1}})

@@ -25,10 +25,8 @@ def test_forward_dynamics_give_the_acceleration_of_the_tick(
     for _ in range(3):
         q, v = random_state(robot, rng)
         here = robot.snapshot(q, 0.3 * v)
-        controller = wbc.TorqueController(
-            robot, stack(standing), contacts=wbc.support(here, mode), solver="daqp"
-        )
-        tick = controller.step(here)
+        given = {"contacts": wbc.support(here, mode), "solver": "daqp"}
+        tick = wbc.TorqueController(robot, stack(standing), **given).step(here)
         plant.reset(here.q, here.v)
         torque = tick.torque - robot.model.damping[6:] * tick.velocity[6:]
         plant.states.torques_to_mujoco(torque, plant.data.qfrc_applied)
@@ -72,18 +70,13 @@ def test_a_crouch_into_the_ankles_limits_does_not_chatter(
     name: str, seconds: float, armature: float | None
 ) -> None:
     """The forces' total variation: one weight and back is 2, and 100 where limits chattered."""
-    given = {} if armature is None else {"armature": armature}
-    robot = wbc.Robot.load(name, **given)
+    robot = wbc.Robot.load(name, **({} if armature is None else {"armature": armature}))
     plant = Plant(robot)
     start = robot.snapshot(robot.posture("standing"))
     com = wbc.ComTask(robot, start.com, weight=30.0, kp=100.0)
-    controller = wbc.TorqueController(
-        robot,
-        [com, wbc.PostureTask(robot, start.q, weight=0.1)],
-        contacts=wbc.support(start, "double"),
-        limits=wbc.Limits(robot),
-        solver="daqp",
-    )
+    tasks = [com, wbc.PostureTask(robot, start.q, weight=0.1)]
+    given = {"contacts": wbc.support(start, "double"), "limits": wbc.Limits(robot)}
+    controller = wbc.TorqueController(robot, tasks, **given, solver="daqp")
     down = np.array([0.0, 0.0, -0.35 * start.com[2]])
     forces, margins = [], []
     for k in range(round((seconds + 0.6) / controller.dt)):
