@@ -10,10 +10,12 @@ import subprocess
 import sys
 import textwrap
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +55,29 @@ def rig(running: Rig) -> Rig:
     copied = copy.deepcopy(running)
     assert copied.loop.bus is copied.bus is not running.bus
     return copied
+
+
+def ask(rig: Rig, seconds: float, *wishes: Wish) -> None:
+    """Wish for something, and let the loop go on."""
+    rig.wanted.extend(wishes)
+    rig.cycles(seconds)
+
+
+def heard(rig: Rig) -> list[str]:
+    """Return what the loop says from now on."""
+    said = list[str]()
+    rig.loop._say = said.append
+    return said
+
+
+def told(rig: Rig) -> list[str]:
+    return [event.what for event in rig.safety.events]
+
+
+def loop_on(rig: Rig, bus: Callable[[], Bus], **given: Any) -> HardwareLoop:
+    """Return a loop of the rig's parts on a bus of its own."""
+    parts: Any = rig.controller, rig.safety, rig.loop._checks, rig.loop._motions, rig
+    return HardwareLoop(bus, *parts, priority=0, **given)
 
 
 @pytest.mark.parametrize("name", READING_FAULTS)
@@ -152,14 +177,13 @@ def test_cycles_leave_no_garbage_for_the_collector_does_not_run(rig: Rig) -> Non
 
 
 def test_a_robot_that_is_not_there_is_missed_in_words() -> None:
-    rig, said = Rig(), list[str]()
-    rig.loop._say = said.append
+    rig = Rig()
+    said = heard(rig)
     rig.bus.inject(READING_FAULTS["messages lost for good"][0])
     rig.cycles(3.0)
     assert rig.safety.mode is Mode.IDLE and not rig.loop._state.ended
-    assert [line for line in said if "heard" in line] == [
-        "nothing heard for 2 s: is the robot on, and on this bus?"
-    ]
+    (missed,) = (line for line in said if "heard" in line)
+    assert missed == "nothing heard for 2 s: is the robot on, and on this bus?"
     rig.bus.inject(None)
     rig.cycles(0.1)
     assert said[-1] == "the robot is heard"
@@ -172,16 +196,14 @@ def test_a_robot_that_was_long_away_stands_up_when_it_is_asked_to() -> None:
     rig.cycles(5.0)
     rig.bus.inject(None)
     rig.cycles(0.1)
-    rig.wanted.extend((Wish.ARM, Wish.STAND))
-    rig.cycles(0.01)
+    ask(rig, 0.01, Wish.ARM, Wish.STAND)
     assert rig.safety.mode is Mode.STANDING_UP
 
 
 def test_run_on_the_way_up_begins_when_the_robot_is_up() -> None:
-    rig, said = Rig(), list[str]()
-    rig.loop._say = said.append
-    rig.wanted.extend((Wish.ARM, Wish.STAND, Wish.RUN, Wish.RUN))
-    rig.cycles(0.05)
+    rig = Rig()
+    said = heard(rig)
+    ask(rig, 0.05, Wish.ARM, Wish.STAND, Wish.RUN, Wish.RUN)
     assert rig.safety.mode is Mode.STANDING_UP and said.count("run: as soon as it is up") == 1
     rig.cycles(0.1)
     assert rig.safety.mode is Mode.RUNNING
@@ -189,63 +211,53 @@ def test_run_on_the_way_up_begins_when_the_robot_is_up() -> None:
 
 def test_a_robot_that_is_up_balances_until_it_is_asked_to_run() -> None:
     """It leant by 0.25 rad after three seconds, and fell when it was then asked to run."""
-    rig, said = Rig(), list[str]()
-    rig.loop._say = said.append
-    rig.wanted.extend((Wish.ARM, Wish.STAND))
-    rig.cycles(3.0)
+    rig = Rig()
+    said = heard(rig)
+    ask(rig, 3.0, Wish.ARM, Wish.STAND)
     assert rig.safety.mode is Mode.RUNNING and rig.controller.waits
     assert said[-1] == "it balances where the problem begins: run begins it, sit goes down"
-    rig.wanted.append(Wish.RUN)
-    rig.cycles(0.1)
+    ask(rig, 0.1, Wish.RUN)
     assert rig.safety.mode is Mode.RUNNING and not rig.controller.waits
-    assert PROBLEM_BEGINS in [event.what for event in rig.safety.events]
-    rig.wanted.append(Wish.RUN)  # once more: refused
-    rig.cycles(0.1)
+    assert PROBLEM_BEGINS in told(rig)
+    ask(rig, 0.1, Wish.RUN)  # once more: refused
     assert said[-1].startswith("run: the problem has begun already")
-    rig.wanted.append(Wish.SIT)
-    rig.cycles(0.5)
+    ask(rig, 0.5, Wish.SIT)
     assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good
 
 
 @pytest.mark.parametrize(
-    ("missing", "why", "good"),
-    [
-        ("an estimate", "no estimate: not yet", False),
-        ("ground", "it hangs: its feet bear 3 % of the weight", True),
-    ],
+    ("hangs", "why"),
+    [(False, "no estimate: not yet"), (True, "it hangs: its feet bear 3 % of the weight")],
 )
-def test_a_robot_that_cannot_balance_goes_down_again(missing: str, why: str, good: bool) -> None:
+def test_a_robot_that_cannot_balance_goes_down_again(hangs: bool, why: str) -> None:
     """In a gantry the controller would stretch the legs at once."""
     rig = Rig()
 
     def observe(reading: Reading) -> ControllerAnswer:
-        if missing == "an estimate":
+        if not hangs:
             raise EstimateError("not yet")
         return ControllerAnswer(None, *rig.controller.state, load=0.03)
 
     rig.controller.observe = observe  # type: ignore[method-assign]
-    rig.wanted.extend((Wish.ARM, Wish.STAND))
-    rig.cycles(1.4)
-    rig.wanted.append(Wish.RUN)
-    rig.cycles(0.1)
+    ask(rig, 1.4, Wish.ARM, Wish.STAND)
+    ask(rig, 0.1, Wish.RUN)
     assert rig.safety.mode is Mode.STANDING_UP
     rig.cycles(0.5)
-    assert rig.safety.mode is Mode.DAMPING and rig.loop.result().good is good
-    assert why in [event.what for event in rig.safety.events]
-    assert rig.loop.result().hung is (missing == "ground")
+    result = rig.loop.result()
+    assert rig.safety.mode is Mode.DAMPING and result.good is result.hung is hangs
+    assert why in told(rig)
 
 
 def test_a_robot_that_is_hoisted_while_it_balances_goes_down() -> None:
     rig = Rig()
-    rig.wanted.extend((Wish.ARM, Wish.STAND))
-    rig.cycles(1.0)
+    ask(rig, 1.0, Wish.ARM, Wish.STAND)
     assert rig.safety.mode is Mode.RUNNING and rig.controller.waits
     rig.controller.load = 0.2
     rig.cycles(0.08)
     assert rig.safety.mode is Mode.RUNNING
     rig.cycles(0.1)
     assert rig.safety.mode is Mode.SOFT_STOP
-    assert "it hangs: its feet bear 20 % of the weight" in [one.what for one in rig.safety.events]
+    assert "it hangs: its feet bear 20 % of the weight" in told(rig)
 
 
 def test_an_answer_to_a_request_of_the_mode_before_is_dropped(rig: Rig) -> None:
@@ -289,8 +301,8 @@ def test_after_a_late_answer_ticks_are_due_as_before(rig: Rig, monkeypatch) -> N
 
 
 def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:
-    rig, said = Rig(), list[str]()
-    rig.loop._say = said.append
+    rig = Rig()
+    said = heard(rig)
     rig.wanted.extend([Wish.RUN] * 600)
     rig.cycles(1.2)
     assert [line.startswith("run: running is not allowed in idle") for line in said] == [True] * 2
@@ -313,9 +325,8 @@ def stands_up_beside(error: WbcError) -> Rig:
         raise error
 
     rig.controller.observe = observe  # type: ignore[method-assign]
-    for wish, seconds in ((Wish.ARM, 0.03), (Wish.STAND, 0.3)):
-        rig.wanted.append(wish)
-        rig.cycles(seconds)
+    ask(rig, 0.03, Wish.ARM)
+    ask(rig, 0.3, Wish.STAND)
     return rig
 
 
@@ -323,14 +334,13 @@ def test_an_estimator_that_raises_ends_standing_up_in_words() -> None:
     """It stood on, and nobody was told that it would never run."""
     rig = stands_up_beside(InvalidInputError("are its units g?"))
     assert rig.safety.mode is Mode.DAMPING
-    assert any("controller raised are its units g?" in one.what for one in rig.safety.events)
+    assert any("controller raised are its units g?" in what for what in told(rig))
 
 
 def test_what_there_is_no_estimate_for_is_told_who_wants_to_run() -> None:
     rig, said = stands_up_beside(EstimateError("it moves")), list[str]()
     rig.loop._say = said.append
-    rig.wanted.append(Wish.RUN)
-    rig.cycle()
+    ask(rig, DT, Wish.RUN)
     assert said == ["run: as soon as it is up; no estimate yet: it moves"]
 
 
@@ -347,17 +357,7 @@ def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Pat
 
     before = set(multiprocessing.active_children())
     with pytest.raises(BusError, match="taken"):
-        HardwareLoop(
-            taken,
-            rig.controller,  # type: ignore[arg-type]
-            rig.safety,
-            rig.loop._checks,
-            rig.loop._motions,
-            rig,
-            log=log,
-            watch=watch,
-            priority=0,
-        )
+        loop_on(rig, taken, log=log, watch=watch)
     assert set(multiprocessing.active_children()) == before
     assert log.read_text() == "of the run before"
 
@@ -371,15 +371,8 @@ def test_only_the_loop_is_on_the_cpu_of_the_loop(tmp_path: Path) -> None:
     before = set(multiprocessing.active_children())
     cpu = min(allowed)
     try:
-        loop = HardwareLoop(
-            lambda: rig.bus,
-            rig.controller,  # type: ignore[arg-type]
-            *(rig.safety, rig.loop._checks, rig.loop._motions, rig),
-            log=tmp_path / "log.npz",
-            watch=lambda ring: threading.Event().wait(60.0),  # type: ignore[arg-type,return-value]
-            priority=0,
-            cpus=(cpu,),
-        )
+        watch = {"watch": lambda ring: threading.Event().wait(60.0), "log": tmp_path / "log.npz"}
+        loop = loop_on(rig, lambda: rig.bus, cpus=(cpu,), **watch)
         places = {
             one.name: os.sched_getaffinity(one.pid or 0)
             for one in set(multiprocessing.active_children()) - before
@@ -398,9 +391,8 @@ def test_a_second_loop_on_a_bus_is_refused_before_it_commands(monkeypatch) -> No
     monkeypatch.setattr(rig.bus, "commands_heard", lambda: heard.pop(0), raising=False)
     monkeypatch.setattr(rig.bus, "write", lambda command: said.append("a command"))
     monkeypatch.setattr(rig.bus, "close", lambda: said.append("closed"))
-    parts = rig.safety, rig.loop._checks, rig.loop._motions, rig
     with pytest.raises(BusError, match="another program commands this robot"):
-        HardwareLoop(lambda: rig.bus, rig.controller, *parts, priority=0)  # type: ignore[arg-type]
+        loop_on(rig, lambda: rig.bus)
     assert said == ["closed"]
 
 
@@ -526,30 +518,24 @@ def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(tmp_path, monkey
 
 def test_wishes_that_are_not_allowed_change_nothing(rig: Rig) -> None:
     for wish in (Wish.ARM, Wish.STAND, Wish.RUN, Wish.RESET, Wish.QUIT):
-        rig.wanted.append(wish)
-        rig.cycle()
+        ask(rig, DT, wish)
         assert rig.safety.mode is Mode.RUNNING, wish
     assert sum("not allowed" in event.what for event in rig.safety.events) == 3
-    assert "run: the problem has begun already" in [event.what for event in rig.safety.events]
+    assert "run: the problem has begun already" in told(rig)
 
 
 def test_sitting_down_ends_in_damping_and_stands_up_again(rig: Rig) -> None:
-    rig.wanted.append(Wish.SIT)
-    rig.cycles(0.3)
+    ask(rig, 0.3, Wish.SIT)
     assert rig.safety.mode is Mode.DAMPING and rig.bus.command.is_passive
-    rig.wanted.append(Wish.STAND)
-    rig.cycles(0.2)
-    rig.wanted.append(Wish.RUN)
-    rig.cycle()
+    ask(rig, 0.2, Wish.STAND)
+    ask(rig, DT, Wish.RUN)
     assert rig.safety.mode is Mode.RUNNING
 
 
 def test_after_a_stop_only_a_reset_by_hand_leads_on(rig: Rig) -> None:
-    rig.wanted.append(Wish.STOP)
-    rig.cycles(0.1)
+    ask(rig, 0.1, Wish.STOP)
     for wish in (Wish.ARM, Wish.STAND, Wish.RUN, Wish.SIT):
-        rig.wanted.append(wish)
-        rig.cycle()
+        ask(rig, DT, wish)
         assert rig.safety.mode is Mode.STOP
     rig.wanted.append(Wish.RESET)
     assert not rig.cycle().enabled
@@ -558,14 +544,12 @@ def test_after_a_stop_only_a_reset_by_hand_leads_on(rig: Rig) -> None:
 
 def test_nobody_stands_up_while_a_fault_is_there() -> None:
     rig = Rig()
-    rig.wanted.append(Wish.ARM)
-    rig.cycles(0.1)
+    ask(rig, 0.1, Wish.ARM)
     rig.bus.inject(READING_FAULTS["motor warm"][0])
     rig.cycles(0.01)
-    rig.wanted.append(Wish.STAND)
-    rig.cycle()
+    ask(rig, DT, Wish.STAND)
     assert rig.safety.mode is Mode.DAMPING
-    assert any("cannot stand up: motor warm" in event.what for event in rig.safety.events)
+    assert any("cannot stand up: motor warm" in what for what in told(rig))
 
 
 @pytest.mark.slow
@@ -601,13 +585,13 @@ def test_the_page_has_the_tables_of_the_code() -> None:
             )
         ),
         *(
-            (f"sim g1 --bus udp --duration 0.01 {asked}", told)
-            for asked, told in (
-                ("--push nan,1,1,1", "push, at: must be finite, got nan"),
-                ("--push 1,1,inf,1", "push, force: NaN or infinite"),
-                ("--push 1,1,1,0", "push, duration: must be greater than 0, got 0"),
-                ("--interface eth99", "expected an address as 192.168.1.2, got 'eth99'"),
-                ("--report nowhere/x.json", "--report nowhere/x.json: there is no folder nowhere"),
+            (f"sim g1 --bus udp --domain {domain} --duration 0.01 {asked}", told)
+            for domain, asked, told in (  # ports of their own, as they may run at once
+                (30, "--push nan,1,1,1", "push, at: must be finite, got nan"),
+                (31, "--push 1,1,inf,1", "push, force: NaN or infinite"),
+                (32, "--push 1,1,1,0", "push, duration: must be greater than 0, got 0"),
+                (33, "--interface eth99", "expected an address as 192.168.1.2, got 'eth99'"),
+                (34, "--report nowhere/x.json", "--report nowhere/x.json: there is no folder"),
             )
         ),
     ],
@@ -680,7 +664,7 @@ def test_processes_forked_while_the_keyboard_waits_begin() -> None:
 
 
 def test_a_script_arms_stands_runs_sits_and_ends() -> None:
-    script, told = Script(seconds=2.0, settle=0.5), []
+    script, wishes = Script(seconds=2.0, settle=0.5), []
     course = (
         (Mode.IDLE, 0.1, False), (Mode.DAMPING, 0.1, False), (Mode.DAMPING, 0.6, False),
         (Mode.STANDING_UP, 1.0, False), (Mode.STANDING_UP, 2.0, True), (Mode.RUNNING, 1.0, True),
@@ -688,9 +672,9 @@ def test_a_script_arms_stands_runs_sits_and_ends() -> None:
     )  # fmt: skip
     for mode, passed, up in course:
         status = SimpleNamespace(mode=mode, mode_time=passed, is_up=up, hears=True)
-        told.append(script.wish(status))  # type: ignore[arg-type]
+        wishes.append(script.wish(status))  # type: ignore[arg-type]
     arm, stand, run, sit, quit_ = Wish.ARM, Wish.STAND, Wish.RUN, Wish.SIT, Wish.QUIT
-    assert told == [arm, None, stand, None, run, None, sit, quit_, quit_]
+    assert wishes == [arm, None, stand, None, run, None, sit, quit_, quit_]
     script = Script(seconds=2.0, settle=0.5)
     for mode in (Mode.IDLE, Mode.STANDING_UP, Mode.SOFT_STOP):  # stopped on its way up
         status = SimpleNamespace(mode=mode, mode_time=0.6, is_up=False, hears=True)

@@ -27,6 +27,21 @@ stop: {duration: 0.3}
 SMALL = (180, 220)
 
 
+def pixels(film: Image.Image, frame: int = 0) -> np.ndarray:
+    film.seek(frame)
+    return np.asarray(film.convert("RGB")).astype(int)
+
+
+def marked(picture: np.ndarray) -> bool:
+    """Whether a mark is seen in its colour."""
+    mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
+    return bool((np.abs(picture - mark).max(axis=-1) < 12).any())
+
+
+def milliseconds(film: Image.Image) -> int:
+    return sum(film.info["duration"] for k in range(film.n_frames) if film.seek(k) is None)
+
+
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
     return problem_of(tmp_path_factory.mktemp("wave"), WAVE).run()
@@ -44,32 +59,24 @@ def test_a_film_is_as_long_as_the_run_and_always_the_same(result: Result, tmp_pa
     assert told[10] == (11, 11)  # 0, 0.1, 0.2 and 0.295 s, and 0.7 s of rest
     with Image.open(tmp_path / "a.gif") as film:
         assert film.size == SMALL
-        shown = 0
-        for k in range(film.n_frames):
-            film.seek(k)
-            shown += film.info["duration"]
-        assert shown == 1100  # ms
-        film.seek(0)
-        first = np.asarray(film.convert("RGB")).astype(int)
-        film.seek(film.n_frames - 1)
-        last = np.asarray(film.convert("RGB")).astype(int)
+        assert milliseconds(film) == 1100
+        first, last = pixels(film), pixels(film, film.n_frames - 1)
     assert np.abs(first - last).max() > 50  # something moved
     assert (first[0, 0] == 255).all()
-    mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
-    assert (np.abs(first - mark).max(axis=-1) < 12).any()  # marks keep their colour
+    assert marked(first)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "b.gif"]
 
 
 @pytest.mark.parametrize("fps", [15, 30, 40])
 def test_a_gif_at_a_rate_that_it_does_not_have_takes_as_long_as_the_run(tmp_path, fps: int) -> None:
     def figure() -> SimpleNamespace:
-        drawn = SimpleNamespace(figure=Figure((1, 1)))
-        drawn.draw = lambda row: drawn.figure.text(0.1, 0.1 + row / 300, row)
-        return drawn
+        small = Figure((1, 1))
+        words = small.text(0.1, 0.5, "")
+        return SimpleNamespace(figure=small, draw=words.set_text)
 
     path = write_film(figure, np.linspace(0.0, 2.0, 201), tmp_path / "a.gif", fps, 1.0, None)
     with Image.open(path) as film:
-        shown = sum(film.info["duration"] for k in range(film.n_frames) if film.seek(k) is None)
+        shown = milliseconds(film)
     assert shown == pytest.approx(2700, abs=110)  # with 0.7 s of rest, rounded to pictures
 
 
@@ -78,9 +85,7 @@ def test_layers_are_left_out(result: Result, tmp_path: Path) -> None:
     short = SimpleNamespace(time=result.history.time[:1], q=result.history.q[:1], errors={})
     film_run(result.robot, short, tmp_path / "a.gif", title="x", fps=2, size=SMALL, view=bare)
     with Image.open(tmp_path / "a.gif") as film:
-        pixels = np.asarray(film.convert("RGB")).astype(int)
-    mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
-    assert not (np.abs(pixels - mark).max(axis=-1) < 12).any()
+        assert not marked(pixels(film))
 
 
 def test_a_film_has_the_ground_of_its_run(result: Result, tmp_path: Path) -> None:
@@ -92,7 +97,7 @@ def test_a_film_has_the_ground_of_its_run(result: Result, tmp_path: Path) -> Non
         path = tmp_path / f"{name}.gif"
         film_run(result.robot, brief, path, title="x", fps=2, size=SMALL, terrain=terrain)
         with Image.open(path) as film:
-            pictures.append(np.asarray(film.convert("RGB")).astype(int))
+            pictures.append(pixels(film))
     assert (np.abs(pictures[0] - pictures[1]).max(axis=-1) > 2).mean() > 0.02
 
 
