@@ -70,11 +70,8 @@ def test_a_simulation_has_torques_and_forces(tmp_path: Path) -> None:
     topics, _ = exported(SavedRun.of(result, "s"), tmp_path / "a.mcap")
     forces = topics["/forces/left_sole"]
     assert len(forces) == 11
-    np.testing.assert_array_equal(
-        list(forces[-1][1].values()), result.arrays["forces/left_sole"][-1]
-    )
-    torque = list(topics["/joints/torque"][-1][1].values())
-    np.testing.assert_array_equal(torque, result.arrays["torque"][-1])
+    for topic, name in ((forces, "forces/left_sole"), (topics["/joints/torque"], "torque")):
+        np.testing.assert_array_equal(list(topic[-1][1].values()), result.arrays[name][-1])
     # The first row is the start, in which nothing had been measured yet.
     assert all(value is not None for value in topics["/cop"][-1][1].values())
 

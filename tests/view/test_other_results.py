@@ -10,10 +10,11 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
+from tests.problem.loading import problem_of
 from tests.texts import STAND
 from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
-from wbc.problem import Problem, load_problem
+from wbc.problem import load_problem
 from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
 from wbc.problem.replay import replay_run
 from wbc.problem.saved import SavedRun, load_result
@@ -30,13 +31,8 @@ SMALL = (200, 200)
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> SimulationResult:
-    path = tmp_path_factory.mktemp("sim") / "p.yaml"
-    path.write_text(
-        STAND + "simulation: {duration: 0.1, pushes: [{impulse: [0.5, 0, 0], at: 0.02}]}\n"
-    )
-    problem = load_problem(path)
-    assert isinstance(problem, Problem)
-    return problem.simulate()
+    text = STAND + "simulation: {duration: 0.1, pushes: [{impulse: [0.5, 0, 0], at: 0.02}]}\n"
+    return problem_of(tmp_path_factory.mktemp("sim"), text).simulate()
 
 
 @pytest.fixture(scope="module")
@@ -137,9 +133,8 @@ def test_the_replay_of_a_pendulum_is_its_motion(moved: PendulumResult, tmp_path:
     data = pendulum_replay(history, rows)
     shape = (len(rows), -1)
     for name, expected in (("com", history.com), ("feet", history.foot)):
-        np.testing.assert_allclose(
-            numbers(data[name], shape), expected[rows], rtol=1e-6, atol=1e-6
-        )  # 32 bits
+        found = numbers(data[name], shape)  # 32 bits
+        np.testing.assert_allclose(found, expected[rows], rtol=1e-6, atol=1e-6)
     # A uniform ellipsoid has second moments M a^2 / 5, six masses M/6 at r have M r^2 / 3.
     semi_axes, radii = np.hsplit(numbers(data["sizes"], shape), 2)
     np.testing.assert_allclose(semi_axes**2 / 5.0, radii**2 / 3.0, rtol=1e-6)

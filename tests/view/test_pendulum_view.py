@@ -29,20 +29,13 @@ def history(
     foot[flight] = np.nan
     cmp = foot + np.column_stack((0.3 * np.sin(9.0 * time), np.zeros((n, 2))))
     ends = np.array(((-0.1, 0.0), (0.1, 0.0)))
-    return PendulumHistory(
-        flat=flat,
-        time=time,
-        phase=tuple(names[k * len(names) // n] for k in range(n)),
-        com=com,
-        com_velocity=rate,
-        foot=foot,
-        cop=foot,
-        cmp=cmp,
-        radii=np.tile((0.25, 0.0, 0.0) if flat else (0.25, 0.2, 0.15), (n, 1)),
-        axes=np.tile(np.eye(3), (n, 1, 1)),
-        momentum=np.column_stack((np.zeros(n), -3.0 * np.sin(time), np.zeros(n))),
-        supports=(Support(0.0, duration, ends if flat else SOLE),),
-    )
+    phase = tuple(names[k * len(names) // n] for k in range(n))
+    parts = {"time": time, "phase": phase, "com": com, "com_velocity": rate, "foot": foot}
+    parts |= {"cop": foot, "cmp": cmp, "axes": np.tile(np.eye(3), (n, 1, 1))}
+    radii = np.tile((0.25, 0.0, 0.0) if flat else (0.25, 0.2, 0.15), (n, 1))
+    momentum = np.column_stack((np.zeros(n), -3.0 * np.sin(time), np.zeros(n)))
+    supports = (Support(0.0, duration, ends if flat else SOLE),)
+    return PendulumHistory(flat=flat, radii=radii, momentum=momentum, supports=supports, **parts)
 
 
 def leaning(length: Array | float = 0.7, sweep: float = 0.1) -> Array:

@@ -48,12 +48,11 @@ def figure(hoap2: Robot, run: Run) -> Figure:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", MAGIC)
-def test_a_figure_is_written_in_each_format_always_the_same(figure, tmp_path, suffix: str) -> None:
-    first, second = tmp_path / f"first{suffix}", tmp_path / f"second{suffix}"
-    save(figure, first)
-    save(figure, second)
-    content = first.read_bytes()
-    assert content.startswith(MAGIC[suffix]) and content == second.read_bytes()
+def test_a_figure_is_written_in_each_format(figure: Figure, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    save(figure, path)
+    content = path.read_bytes()
+    assert content.startswith(MAGIC[suffix])
     assert len(content) > 50_000  # both robots, not an empty frame
 
 
@@ -100,6 +99,15 @@ def test_inertias_of_the_history_are_used_if_given(hoap2: Robot, run: Run) -> No
     moments = run_figure(hoap2, given, title="given").axes[3]
     drawn = [line.get_ydata() for line in moments.lines]
     np.testing.assert_allclose(drawn, [[0.2] * 2, [0.35] * 2, [0.4] * 2], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_same_run_gives_the_same_file(hoap2: Robot, run: Run, tmp_path: Path) -> None:
+    short = Run(time=run.time[:2], q=run.q[:2], errors={"inertia": run.errors["inertia"][:2]})
+    paths = [tmp_path / "first.png", tmp_path / "second.png"]
+    for path in paths:
+        plot_run(hoap2, short, path, title="twice")
+    assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_the_ground_is_under_a_robot_that_is_not_at_zero(hoap2: Robot) -> None:

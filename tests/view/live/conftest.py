@@ -33,19 +33,10 @@ def client_of(url: str, origin: str | None = None) -> ClientConnection:
     address = url.replace("http://", "ws://").replace("localhost", HOST)
     page = None if origin is None else Origin(origin)
     client = connect(address, subprotocols=[protocol], max_size=None, origin=page)
-    tell(
-        client,
-        "ViewerCameraMessage",
-        wxyz=(1.0, 0.0, 0.0, 0.0),
-        position=(1.0, 0.0, 1.0),
-        fov=1.0,
-        near=0.01,
-        far=100.0,
-        image_height=600,
-        image_width=800,
-        look_at=(0.0, 0.0, 0.0),
-        up_direction=(0.0, 0.0, 1.0),
-    )
+    lens = {"fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 600, "image_width": 800}
+    place = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": (1.0, 0.0, 1.0)}
+    aim = {"look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
+    tell(client, "ViewerCameraMessage", **lens, **place, **aim)
     return client
 
 
@@ -58,14 +49,10 @@ def drag(
     client: ClientConnection, name: str, position: Any, wxyz: Any = (1.0, 0.0, 0.0, 0.0)
 ) -> None:
     """Drag the handle of a target somewhere."""
-    tell(
-        client,
-        "TransformControlsUpdateMessage",
-        name=f"{WORLD}/drag_targets/{name}",
-        position=np.asarray(position, dtype=float).tolist(),
-        wxyz=np.asarray(wxyz, dtype=float).tolist(),
-        owner="",
-    )
+    place = {"position": position, "wxyz": wxyz}
+    place = {key: np.asarray(value, dtype=float).tolist() for key, value in place.items()}
+    handle = f"{WORLD}/drag_targets/{name}"
+    tell(client, "TransformControlsUpdateMessage", name=handle, **place, owner="")
 
 
 class Stage:

@@ -25,19 +25,10 @@ pytestmark = [
 
 def test_estimate_mode_and_faults_are_shown(browser: Any, robot: wbc.Robot) -> None:
     ring = RingLog(log_fields(len(robot.joint_names), robot.nq, robot.nv), 1.0, 0.002)
-    ring.add(
-        {
-            "time": 12.5,
-            "lateness": 4e-5,
-            "mode": MODES.index(Mode.RUNNING),
-            "faults": 1 << FAULTS.index(Fault.SILENT),
-            "q": robot.posture("standing"),
-            "v": np.zeros(robot.nv),
-            "deviations": (0.001, 0.2, 0.005, 0.03),
-            "standing": 1 << tuple(robot.feet).index("left"),
-            "answer_time": 5e-4,
-        }
-    )
+    row = {"time": 12.5, "lateness": 4e-5, "answer_time": 5e-4, "mode": MODES.index(Mode.RUNNING)}
+    row |= {"faults": 1 << FAULTS.index(Fault.SILENT), "deviations": (0.001, 0.2, 0.005, 0.03)}
+    row |= {"q": robot.posture("standing"), "v": np.zeros(robot.nv)}
+    ring.add({**row, "standing": 1 << tuple(robot.feet).index("left")})
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     watcher = Watcher(ring, partial(watch_loop, robot, port=port))

@@ -82,20 +82,10 @@ def tell_drag(
     client: ClientConnection, phase: str, shape: str, grabbed: np.ndarray, pointer: np.ndarray
 ) -> None:
     """Drag a shape with Shift, as the page's JavaScript tells it."""
-    tell(
-        client,
-        "SceneNodeDragMessage",
-        phase=phase,
-        name=shape,
-        instance_index=None,
-        start_position=grabbed.tolist(),
-        end_position=pointer.tolist(),
-        start_screen_pos=(0.5, 0.5),
-        end_screen_pos=(0.5, 0.5),
-        button="left",
-        modifier="shift",
-        owner="",
-    )
+    given = {"phase": phase, "name": shape, "instance_index": None, "owner": ""}
+    given |= {"start_position": grabbed.tolist(), "end_position": pointer.tolist()}
+    given |= dict.fromkeys(("start_screen_pos", "end_screen_pos"), (0.5, 0.5))
+    tell(client, "SceneNodeDragMessage", **given, button="left", modifier="shift")
 
 
 @pytest.mark.parametrize("far", [0.0, 3.0])

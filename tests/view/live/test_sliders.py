@@ -12,15 +12,13 @@ from wbc.view.live.messages import Release, SetTarget, SetWeight
 @pytest.fixture
 def controller(robot: wbc.Robot) -> wbc.KinematicController:
     start = robot.snapshot(robot.posture("standing"))
-    return wbc.KinematicController(
-        robot,
-        [
-            wbc.ComTask(robot, start.com, axes=["y", "z"]),
-            wbc.InertiaTask(robot, start.inertia, name="shape"),
-            wbc.InertiaTask(robot, start.inertia.trace(), components=["trace"], name="size"),
-            wbc.PrincipalInertiaTask(robot, np.linalg.eigvalsh(start.inertia), name="moments"),
-        ],
-    )
+    tasks = [
+        wbc.ComTask(robot, start.com, axes=["y", "z"]),
+        wbc.InertiaTask(robot, start.inertia, name="shape"),
+        wbc.InertiaTask(robot, start.inertia.trace(), components=["trace"], name="size"),
+        wbc.PrincipalInertiaTask(robot, np.linalg.eigvalsh(start.inertia), name="moments"),
+    ]
+    return wbc.KinematicController(robot, tasks)
 
 
 def test_what_sliders_ask_for(stage: Stage, controller: wbc.KinematicController) -> None:

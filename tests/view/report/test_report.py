@@ -4,6 +4,8 @@ import base64
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from tests.command import wbc_command
 from tests.needs import BROWSER, SOFTWARE, needs_browser
 from tests.problem.loading import problem_of
+from tests.standing import sole_corners
 from tests.texts import REACH
 from tests.view.reading import data_of, numbers
 from wbc.errors import InvalidInputError
@@ -26,6 +29,15 @@ from wbc.view.report.report import report_text
 from wbc.view.simplify import limit_triangles
 
 ODD = """# </script><b>@DATA@ & "quotes"\n""" + REACH
+
+
+def corners_of(part: dict[str, Any]) -> np.ndarray:
+    """Return the corners (k, 3) of a mesh, which are kept in steps from the lowest."""
+    return np.array(part["low"]) + np.array(part["step"]) * numbers(part["corners"], (-1, 3), "<u2")
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    return Rotation.from_quat(quaternion).as_matrix()
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +64,7 @@ def test_the_replay_is_the_run(result: Result, page: str) -> None:
         for joint in range(data["joints"]):
             pose = pinocchio_data.oMi[joint]
             np.testing.assert_allclose(place[joint, :3], pose.translation, atol=1e-6)
-            R = Rotation.from_quat(place[joint, 3:]).as_matrix()
-            np.testing.assert_allclose(R, pose.rotation, atol=1e-6)
+            np.testing.assert_allclose(rotation(place[joint, 3:]), pose.rotation, atol=1e-6)
     axes, sizes = numbers(data["axes"], (count, 3, 3)), numbers(data["sizes"], (count, 6))
     # Of an ellipsoid of mass M: I = M/5 (tr(S) - S), S = axes diag(a^2) axes'; 3 r^2 = 5 * a^2 / 5.
     S = np.einsum("kij,kj,klj->kil", axes, sizes[:, :3] ** 2, axes)
@@ -77,10 +88,8 @@ def test_shapes_are_rounded_by_less_than_a_step(result: Result, page: str) -> No
     shapes = RobotMeshes(result.robot).in_joint_frames
     meshes = limit_triangles([mesh for _, mesh in shapes], 40_000)
     for part, (joint, _), mesh in zip(data_of(page)["parts"], shapes, meshes, strict=True):
-        raw = numbers(part["corners"], (-1, 3), "<u2")
-        step = np.array(part["step"])
-        corners = np.array(part["low"]) + step * raw
-        assert (np.abs(corners - mesh.vertices) <= 0.5001 * step).all()
+        rounded = np.abs(corners_of(part) - mesh.vertices)
+        assert (rounded <= 0.5001 * np.array(part["step"])).all()
         np.testing.assert_array_equal(numbers(part["faces"], (-1, 3), "<u2"), mesh.faces)
         assert part["joint"] == joint
 
@@ -89,11 +98,10 @@ def test_soles_obstacles_and_targets_are_in_it(result: Result, page: str) -> Non
     data, rows = data_of(page), replay_rows(result.history.time)
     assert (len(data["soles"]), len(data["obstacles"])) == (2, 2)
     snapshot = result.robot.snapshot(result.history.q[0])
-    sole, foot = data["soles"][0], next(iter(result.robot.feet.values()))
+    sole = data["soles"][0]
     place = numbers(data["places"], (len(rows), data["joints"], 7))[0, sole["joint"]]
-    corners = np.array(sole["corners"]) @ Rotation.from_quat(place[3:]).as_matrix().T + place[:3]
-    flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
-    wanted = flat @ snapshot.rotation(foot.frame).T + snapshot.position(foot.frame)
+    corners = np.array(sole["corners"]) @ rotation(place[3:]).T + place[:3]
+    wanted = sole_corners(snapshot)[: len(corners)]
     np.testing.assert_allclose(corners, wanted, atol=1e-6)
     (aim,) = data["aims"]
     targets = numbers(aim["wanted"], (len(rows), 3))
@@ -115,8 +123,7 @@ def test_slopes_and_boards_are_in_it(result: Result, page: str) -> None:
     on_slope = 0.1 * com[:, 0] - 0.05 * com[:, 1]  # nobody stands on the board
     np.testing.assert_allclose(feet, np.column_stack((com[:, :2], on_slope)), atol=1e-6)
     (drawn,) = data["boards"]
-    raw = numbers(drawn["corners"], (-1, 3), "<u2")
-    corners = np.array(drawn["low"]) + np.array(drawn["step"]) * raw
+    corners = corners_of(drawn)
     np.testing.assert_allclose(corners.min(axis=0), (0.2, -0.3, 0.02), atol=1e-5)
     np.testing.assert_allclose(corners.max(axis=0), (0.4, 0.1, 0.04), atol=1e-5)
 
@@ -137,11 +144,9 @@ def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:
 def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(g1, result) -> None:
     """The robot with the finest meshes; its replay, without plots, which are 0.1 MB each."""
     q = np.tile(g1.posture("standing"), (2000, 1))
-    run = read_history(
-        g1,
-        type("H", (), {"time": np.arange(2000) * 0.005, "q": q, "errors": {},
-                       "inertia": np.tile([1.0, 0, 0, 1, 0, 1], (2000, 1))})(),
-    )  # fmt: skip
+    inertia = np.tile([1.0, 0, 0, 1, 0, 1], (2000, 1))
+    ten = SimpleNamespace(time=np.arange(2000) * 0.005, q=q, errors={}, inertia=inertia)
+    run = read_history(g1, ten)
     rows = replay_rows(run.time)
     assert len(rows) == pytest.approx(300, abs=2)
     data = replay_data(run, rows[:4])
@@ -167,17 +172,15 @@ def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
     answer = wbc_command(*command, tmp_path / "r.html")
     assert answer.exit_code == 0, answer.stderr
     assert answer.stdout.startswith(f"written  {tmp_path / 'r.html'} (0.")
-    again = write_report(
-        result.robot, result.history, result.summary(), tmp_path / "2.html",
-        title=f"r: {result.status.value.replace('_', ' ')}",
-    )  # fmt: skip
+    parts, title = (result.robot, result.history, result.summary()), result.status.value
+    again = write_report(*parts, tmp_path / "2.html", title=f"r: {title.replace('_', ' ')}")
     assert again.read_bytes() == (tmp_path / "r.html").read_bytes()
     refused = wbc_command(*command, tmp_path / "r.pdf")
     assert (refused.exit_code, "written as .html" in refused.stderr) == (1, True)
 
 
 def test_a_run_of_one_tick_and_another_ending(result: Result, tmp_path: Path) -> None:
-    one = type("H", (), {"time": [0.0], "q": result.history.q[:1], "errors": {}})()
+    one = SimpleNamespace(time=[0.0], q=result.history.q[:1], errors={})
     page = report_text(result.robot, one, {}, "one")
     assert len(replay_rows(np.zeros(1))) == 1
     assert "not known" in page

@@ -19,14 +19,8 @@ def ball() -> wbc.Obstacle:
 def careful(robot: wbc.Robot, ball: wbc.Obstacle) -> wbc.KinematicController:
     start = robot.snapshot(robot.posture("standing"))
     ball.move(exp_rotation(np.array([0.1, 0.2, 0.3])), [0.25, 0.0, 0.3])
-    return wbc.KinematicController(
-        robot,
-        [wbc.ComTask(robot, start.com)],
-        constraints=[
-            wbc.SelfCollision(robot, margin=0.005),
-            wbc.Obstacles(robot, [ball], margin=0.02),
-        ],
-    )
+    kept = [wbc.SelfCollision(robot, margin=0.005), wbc.Obstacles(robot, [ball], margin=0.02)]
+    return wbc.KinematicController(robot, [wbc.ComTask(robot, start.com)], constraints=kept)
 
 
 def test_distances_and_margins_are_those_of_the_constraints(stage, careful, ball) -> None:

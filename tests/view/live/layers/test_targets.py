@@ -21,20 +21,16 @@ def hands(robot: wbc.Robot) -> tuple[str, str]:
 @pytest.fixture
 def controller(robot: wbc.Robot, hands: tuple[str, str]) -> wbc.KinematicController:
     start = robot.snapshot(robot.posture("standing"))
-    left, right = hands
-    return wbc.KinematicController(
-        robot,
-        [
-            wbc.ComTask(robot, start.com + [0.01, 0.02, 0.5], axes=["x", "y"]),
-            wbc.PositionTask(robot, left, start.position(left) + 0.1, name="place"),
-            wbc.OrientationTask(robot, left, TURN, name="turn"),
-            wbc.PoseTask(robot, right, start.position(right) - 0.1, TURN, name="pose"),
-            wbc.InertiaTask(
-                robot, 1.3 * np.diag(start.inertia), components=["xx", "yy", "zz"], name="shape"
-            ),
-            wbc.AxisTask(robot, "base", [0.0, 0.0, 1.0], name="up"),
-        ],
-    )
+    (left, right), moments = hands, 1.3 * np.diag(start.inertia)
+    tasks = [
+        wbc.ComTask(robot, start.com + [0.01, 0.02, 0.5], axes=["x", "y"]),
+        wbc.PositionTask(robot, left, start.position(left) + 0.1, name="place"),
+        wbc.OrientationTask(robot, left, TURN, name="turn"),
+        wbc.PoseTask(robot, right, start.position(right) - 0.1, TURN, name="pose"),
+        wbc.InertiaTask(robot, moments, components=["xx", "yy", "zz"], name="shape"),
+        wbc.AxisTask(robot, "base", [0.0, 0.0, 1.0], name="up"),
+    ]
+    return wbc.KinematicController(robot, tasks)
 
 
 def test_ghosts_are_at_the_targets(stage, controller, hands) -> None:
@@ -69,19 +65,18 @@ def test_dragging_asks_for_targets(stage, controller, hands, monkeypatch) -> Non
     assert stage.handle("").position[0] < -0.01
     with client_of(stage.url) as client:
         drag(client, hands[0], [0.1, 0.2, 0.3])
-        first, second = (stage.pipe.recv() for _ in range(2))
-        drag(client, hands[1], [0.4, 0.5, 0.6], (0.0, 1.0, 0.0, 0.0))
-        third = stage.pipe.recv()
-        drag(client, "com", [0.0, 0.0, 0.7])
-        fourth = stage.pipe.recv()
-    wanted = [SetTarget, SetTarget, SetTarget, SetTarget]
-    assert [type(one) for one in (first, second, third, fourth)] == wanted
-    assert [one.task for one in (first, second, third, fourth)] == ["place", "turn", "pose", "com"]
-    np.testing.assert_allclose(first.target[0], [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(second.target[0], np.eye(3))
-    np.testing.assert_allclose(third.target[0], [0.4, 0.5, 0.6])
-    np.testing.assert_allclose(third.target[1], np.diag([1.0, -1.0, -1.0]), atol=1e-12)
-    np.testing.assert_allclose(fourth.target[0], [0.0, 0.0, 0.7])
+        asked = [stage.pipe.recv() for _ in range(2)]
+        for name, *place in ((hands[1], [0.4, 0.5, 0.6], (0, 1, 0, 0)), ("com", [0, 0, 0.7])):
+            drag(client, name, *place)
+            asked.append(stage.pipe.recv())
+    assert all(isinstance(one, SetTarget) for one in asked)
+    place, turn, pose, com = (one.target for one in asked)
+    assert [one.task for one in asked] == ["place", "turn", "pose", "com"]
+    np.testing.assert_allclose(place[0], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(turn[0], np.eye(3))
+    np.testing.assert_allclose(pose[0], [0.4, 0.5, 0.6])
+    np.testing.assert_allclose(pose[1], np.diag([1.0, -1.0, -1.0]), atol=1e-12)
+    np.testing.assert_allclose(com[0], [0.0, 0.0, 0.7])
     # A handle in somebody's hand is not taken away by the next frame.
     stage.draw(frame_at(controller, q, 0.1))
     np.testing.assert_allclose(stage.handle(f"/drag_targets/{hands[0]}").position, [0.1, 0.2, 0.3])
