@@ -1,7 +1,7 @@
 """Forces from outside, by torques: against the equations of motion that Pinocchio integrates."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,27 @@ from wbc.estimation import ImuReading, Measurement, MomentumObserver, StateEstim
 from wbc.hardware.postures import standing_torque
 from wbc.robot import Robot
 from wbc.robot.passive import PassiveForces, Spring
+from wbc.validate import Array
 
 MODEL = Path(wbc.__file__).parent / "robot" / "models" / "hoap2_like.urdf"
 SIDES = ("left", "right")
+
+
+def gravity_on(robot: Robot, q: Array, feet: Iterable[str]) -> tuple[Array, Array]:
+    """Return torques (nv - 6,) that hold a robot at rest, and the least wrenches (k, 6) of feet."""
+    s = robot.snapshot(q)
+    J = np.vstack([s.jacobian(robot.feet[foot].frame) for foot in feet])
+    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
+    wrenches = np.linalg.lstsq(J[:, :6].T, gravity[:6], rcond=None)[0]
+    return (gravity - J.T @ wrenches)[6:], wrenches.reshape(-1, 6)
+
+
+def observed(robot: Robot, q: Array, torque: Array) -> dict[str, Array]:
+    """Return the wrenches that are found of a robot that rests for 0.2 s."""
+    observer = MomentumObserver(robot)
+    for _ in range(100):
+        observer.update(q, np.zeros(robot.nv), torque, 0.002)
+    return dict(observer.wrenches)
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
@@ -57,17 +75,11 @@ def test_wrenches_on_the_soles_are_found(name: str, robot_named, rng: np.random.
 def test_a_foot_in_the_air_bears_nothing(name: str, robot_named: Callable[[str], Robot]) -> None:
     """Of a robot at rest on its right foot: a HOAP's left one was said to bear 27 % of it."""
     robot = robot_named(name)
-    q, v = robot.posture(joints={"*knee*": 0.6}), np.zeros(robot.nv)
-    s = robot.snapshot(q)
-    J = s.jacobian(robot.feet["right"].frame)
-    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
-    wrench = np.linalg.solve(J[:, :6].T, gravity[:6])
-    torque = (gravity - J.T @ wrench)[6:]
-    observer = MomentumObserver(robot)
-    for _ in range(100):
-        observer.update(q, v, torque, 0.002)
-    assert abs(observer.wrenches["left"][2]) < 0.12 * robot.weight
-    assert observer.wrenches["right"][2] == pytest.approx(wrench[2], abs=0.12 * robot.weight)
+    q = robot.posture(joints={"*knee*": 0.6})
+    torque, (wrench,) = gravity_on(robot, q, ("right",))
+    found = observed(robot, q, torque)
+    assert abs(found["left"][2]) < 0.12 * robot.weight
+    assert found["right"][2] == pytest.approx(wrench[2], abs=0.12 * robot.weight)
 
 
 def test_springs_bear_no_foot(hoap2: Robot, rng: np.random.Generator) -> None:
@@ -77,28 +89,20 @@ def test_springs_bear_no_foot(hoap2: Robot, rng: np.random.Generator) -> None:
     knees = [name for name in robot.joint_names if "knee" in name]
     object.__setattr__(robot, "passive", PassiveForces(dict.fromkeys(knees, spring)))
     q, zero = robot.posture(joints={"*knee*": 0.8}), np.zeros(robot.nv)
-    s = robot.snapshot(q)
-    J = np.vstack([s.jacobian(foot.frame) for foot in robot.feet.values()])
-    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
-    wrenches = np.linalg.lstsq(J[:, :6].T, gravity[:6], rcond=None)[0]
-    needed = gravity - J.T @ wrenches
+    needed, wrenches = gravity_on(robot, q, SIDES)
     for name in knees:
-        needed[robot.joint_index(name)] += 50.0 * 0.8
-    observer = MomentumObserver(robot)
-    for _ in range(100):
-        observer.update(q, zero, needed[6:], 0.002)
+        needed[robot.joint_index(name) - 6] += 50.0 * 0.8
     estimator, estimate = StateEstimator(robot), None
     for k in range(400):
         rate, force = 1e-4 * rng.normal(size=(2, 3))
         imu = ImuReading("imu", rate, force + (0.0, 0.0, 9.81))
-        estimate = estimator.update(Measurement(0.002 * k, q[7:], zero[6:], needed[6:], (imu,)))
+        estimate = estimator.update(Measurement(0.002 * k, q[7:], zero[6:], needed, (imu,)))
     assert estimate is not None
-    for found in (observer.wrenches, estimate.forces):
-        for k, foot in enumerate(robot.feet):
-            assert found[foot][2] == pytest.approx(wrenches[6 * k + 2], abs=0.05 * robot.weight)
-    assert standing_torque(s, [foot.frame for foot in robot.feet.values()]) == pytest.approx(
-        needed[6:], abs=1e-9
-    )
+    for found in (observed(robot, q, needed), estimate.forces):
+        for foot, wrench in zip(SIDES, wrenches, strict=True):
+            assert found[foot][2] == pytest.approx(wrench[2], abs=0.05 * robot.weight)
+    held = standing_torque(robot.snapshot(q), [foot.frame for foot in robot.feet.values()])
+    assert held == pytest.approx(needed, abs=1e-9)
 
 
 def test_gears_bear_no_foot(tmp_path: Path) -> None:
@@ -112,20 +116,14 @@ def test_gears_bear_no_foot(tmp_path: Path) -> None:
         text = f'{text[:at]}<mimic joint="{side}_knee_pitch" multiplier="-0.5"/>{text[at:]}'
     (tmp_path / "geared.urdf").write_text(text)
     robot = Robot.load(tmp_path / "geared.urdf")
-    q, zero = robot.posture(joints={"*knee*": 0.8, "*ankle_pitch": -0.4}), np.zeros(robot.nv)
-    s = robot.snapshot(q)
-    J = np.vstack([s.jacobian(foot.frame) for foot in robot.feet.values()])
-    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)
-    wrenches = np.linalg.lstsq(J[:, :6].T, gravity[:6], rcond=None)[0]
-    needed = (gravity - J.T @ wrenches)[6:]
+    q = robot.posture(joints={"*knee*": 0.8, "*ankle_pitch": -0.4})
+    needed, wrenches = gravity_on(robot, q, SIDES)
     for side in SIDES:
         hip, knee = (robot.joint_index(f"{side}_{one}_pitch") - 6 for one in ("hip", "knee"))
         needed[knee] += -0.5 * needed[hip]
         needed[hip] = 0.0
-    observer = MomentumObserver(robot)
-    for _ in range(100):
-        observer.update(q, zero, needed, 0.002)
-    for k, foot in enumerate(SIDES):
-        off = observer.wrenches[foot] - wrenches[6 * k : 6 * k + 6]
+    found = observed(robot, q, needed)
+    for foot, wrench in zip(SIDES, wrenches, strict=True):
+        off = found[foot] - wrench
         assert np.abs(off[:3]).max() < 0.002 * robot.weight
         assert np.abs(off[3:]).max() < 1e-3  # N m

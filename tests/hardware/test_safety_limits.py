@@ -36,6 +36,20 @@ def standing_up(limits: SafetyLimits = LIMITS) -> Safety:
     return safety
 
 
+def judged(safety: Safety, at: float = 0.0, **changed: Any) -> tuple[Fault, ...]:
+    """Return the faults that are there after a reading."""
+    safety.measured(reading(**changed))
+    safety.judge(at)
+    return safety.present
+
+
+def watched(checks: SensorChecks, k: int, force: float, **changed: Any) -> tuple[bool, Any]:
+    """Look at the k-th reading: a specific force [m/s^2] along z, and a little noise."""
+    noise = 1e-3 * (k % 7)
+    now = reading(sequence=k + 1, time=DT * k, specific_force=np.array((noise, 0.0, force)))
+    return checks.look_at(replace(now, angular_velocity=np.full(3, noise), **changed), DT * k)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -66,20 +80,16 @@ def test_limits_may_be_lists_and_nobody_changes_them() -> None:
     limits = replace(LIMITS, **lists | {"effort": own})
     own[:] = 1e9
     safety = Safety(limits, [1.0] * N, DT)
-    safety.measured(reading(torque=np.full(N, 1e6)))
-    safety.judge(0.0)
-    assert safety.present == (Fault.OVERLOAD,)
+    assert judged(safety, torque=np.full(N, 1e6)) == (Fault.OVERLOAD,)
     assert not any(getattr(limits, name).flags.writeable for name in arrays)
 
 
 def test_tilt_does_not_depend_on_how_long_the_axis_is_written() -> None:
     """By 1 rad about x; more than 0.8. Twice the axis would have had twice the cosine, 1.08."""
-    leaning = reading(quaternion=np.array((np.sin(0.5), 0.0, 0.0, np.cos(0.5))))
+    leaning = np.array((np.sin(0.5), 0.0, 0.0, np.cos(0.5)))
     for length in (1.0, 2.0):
         safety = Safety(replace(LIMITS, up=(0.0, 0.0, length)), np.ones(N), DT)
-        safety.measured(leaning)
-        safety.judge(0.0)
-        assert safety.present == (Fault.TILT,)
+        assert judged(safety, quaternion=leaning) == (Fault.TILT,)
 
 
 def test_damping_that_speeds_joints_up_is_refused() -> None:
@@ -99,9 +109,7 @@ def test_command_of_another_size_is_a_fault_and_the_last_one_is_held(torque: Any
     assert safety.admit(Command(2, *fine[:2], torque, *gains)) is before
     rows = [np.zeros(N - 1)] * 5  # all of them
     assert safety.admit(Command(3, *rows)) is before
-    safety.measured(reading())
-    safety.judge(DT)
-    assert Fault.COMMAND_NOT_FINITE in safety.present
+    assert Fault.COMMAND_NOT_FINITE in judged(safety, DT)
 
 
 @pytest.mark.parametrize(
@@ -121,17 +129,11 @@ def test_reading_of_another_size_is_of_no_use_and_said(wrong: dict[str, Any]) ->
     useful, (found,) = SensorChecks(ROBOT).look_at(reading(**wrong), 0.0)
     assert not useful and found.fault is Fault.NOT_FINITE
     if "specific_force" not in wrong:
-        safety = standing_up()
-        safety.measured(reading(**wrong))
-        safety.judge(0.0)
-        assert safety.present == (Fault.NOT_FINITE,)
+        assert judged(standing_up(), **wrong) == (Fault.NOT_FINITE,)
 
 
 def test_a_reading_without_an_orientation_is_not_upright() -> None:
-    safety = standing_up()
-    safety.measured(reading(quaternion=np.zeros(4)))
-    safety.judge(0.0)
-    assert safety.present == (Fault.NOT_FINITE,)
+    assert judged(standing_up(), quaternion=np.zeros(4)) == (Fault.NOT_FINITE,)
 
 
 def test_held_command_keeps_the_efforts_of_a_joint_that_moved_on() -> None:
@@ -154,9 +156,7 @@ def test_held_command_keeps_the_efforts_of_a_joint_that_moved_on() -> None:
 )
 def test_reading_with_nan_is_a_fault_and_reaches_no_command(position: Any, velocity: Any) -> None:
     safety = standing_up()
-    safety.measured(reading(position=position, velocity=velocity))
-    safety.judge(0.0)
-    assert safety.present == (Fault.NOT_FINITE,)
+    assert judged(safety, position=position, velocity=velocity) == (Fault.NOT_FINITE,)
     gains = np.full(N, 10.0), np.ones(N)
     command = safety.admit(Command(1, np.full(N, 0.1), np.zeros(N), np.zeros(N), *gains))
     assert all(np.isfinite(part).all() for part in (command.torque, command.kp, command.position))
@@ -179,11 +179,7 @@ def test_an_accelerometer_of_another_unit_is_no_fall_of_ten_metres(times: float)
     """In g it was taken for free fall, for ever."""
     checks, found = SensorChecks(ROBOT), dict[float, str]()
     for k in range(2000):  # the unit changes after a second
-        noise, factor = 1e-3 * (k % 7), times if k > 500 else 1.0
-        force = np.array((noise, 0.0, 9.81 * factor))
-        now = reading(sequence=k + 1, time=DT * k, specific_force=force)
-        now = replace(now, angular_velocity=np.full(3, noise))
-        useful, shown = checks.look_at(now, DT * k)
+        useful, shown = watched(checks, k, 9.81 * (times if k > 500 else 1.0))
         assert useful
         if shown:
             found[DT * k] = f"{shown[0].fault}: {shown[0].detail}"
@@ -197,11 +193,8 @@ def test_an_accelerometer_of_another_unit_is_no_fall_of_ten_metres(times: float)
 def test_a_jump_of_a_second_is_no_fault_of_the_accelerometer() -> None:
     checks = SensorChecks(ROBOT)
     for k in range(1500):
-        noise = 1e-3 * (k % 7)
-        force = np.array((noise, 0.0, noise if 500 < k < 950 else 9.81))
-        now = reading(sequence=k + 1, time=DT * k, specific_force=force)
-        now = replace(now, angular_velocity=np.full(3, noise))
-        assert checks.look_at(now, DT * k) == (True, ())
+        force = 1e-3 * (k % 7) if 500 < k < 950 else 9.81
+        assert watched(checks, k, force) == (True, ())
 
 
 def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(hoap2: Robot, tmp_path) -> None:
@@ -215,9 +208,5 @@ def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(hoap2: Robot, t
     others = {"torque": 0.0 * still, "temperature": 30.0 + 0.0 * still}
     for k in range(200):
         at = np.remainder(np.pi - 0.2 + rate * DT * k + np.pi, 2.0 * np.pi) - np.pi
-        noise = 1e-3 * (k % 7)
         joints = {"position": np.where(moves, at, still), "velocity": rate * moves, **others}
-        now = reading(sequence=k + 1, time=DT * k, **joints)
-        force = np.array((noise, 0.0, 9.81))
-        now = replace(now, specific_force=force, angular_velocity=np.full(3, noise))
-        assert checks.look_at(now, DT * k) == (True, ())
+        assert watched(checks, k, 9.81, **joints) == (True, ())
