@@ -85,6 +85,18 @@ def test_names_that_no_string_of_c_holds_are_refused(name: str, said: str) -> No
         literal(name)
 
 
+PROBLEM = """
+robot: r.urdf
+support: double
+tasks:
+  1 com - 膝: {type: com, target: start}
+  posture ä: {type: posture, weight: 0.1}
+  posture ö: {type: posture, weight: 0.1}
+controller: {solver: daqp}
+stop: {duration: 0.05}
+"""
+
+
 @compiles
 def test_export_of_a_robot_and_a_file_with_odd_names_compiles(tmp_path: Path) -> None:
     """Newlines come as references in XML; names of tasks are words, of any script."""
@@ -98,26 +110,14 @@ def test_export_of_a_robot_and_a_file_with_odd_names_compiles(tmp_path: Path) ->
         model = model.replace(plain, odd)
     (tmp_path / "r.urdf").write_text(model, encoding="utf-8")
     path = tmp_path / "*??\\ ä.yaml"
-    path.write_text(
-        """
-robot: r.urdf
-support: double
-tasks:
-  1 com - 膝: {type: com, target: start}
-  posture ä: {type: posture, weight: 0.1}
-  posture ö: {type: posture, weight: 0.1}
-controller: {solver: daqp}
-stop: {duration: 0.05}
-""",
-        encoding="utf-8",
-    )
+    path.write_text(PROBLEM, encoding="utf-8")
     folder = tmp_path / "c"
     made = export_problem(path, folder, ticks=2)
     assert "head??/" in made.recording.controller.robot.joint_names
     for standard in STANDARDS:
-        compile_c(folder / "plan.c", standard, "-I.", "-Icore", "-c", "-o", "plan.o")
-        compile_c(folder / "main.c", standard, "-I.", "-Icore", "-c", "-o", "main.o")
-    listed = subprocess.run(
-        ["nm", "plan.o"], cwd=folder, capture_output=True, text=True, check=True
-    )
+        for name in ("plan", "main"):
+            arguments = ("-I.", "-Icore", "-c", "-o", f"{name}.o")
+            compile_c(folder / f"{name}.c", standard, *arguments)
+    command = ["nm", "plan.o"]
+    listed = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     assert "evil" not in listed.stdout and "wbc_joint_names" in listed.stdout

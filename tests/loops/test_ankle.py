@@ -6,22 +6,29 @@ import numpy as np
 import pytest
 
 from tests.loops import ankle
+from tests.problem.loading import problem_of
 from tests.standing import commanded
-from wbc import (
-    KinematicController,
-    Limits,
-    OrientationTask,
-    PostureTask,
-    TorqueController,
-    load_problem,
-)
+from wbc import KinematicController, Limits, OrientationTask, PostureTask, TorqueController
 from wbc.constraints.mechanics import mechanics_of
 from wbc.controllers.closed_loop import closed_loop
+from wbc.errors import WbcError
 from wbc.robot import Robot, Snapshot
 
 MOTORS = ["left_motor", "right_motor"]
-
-
+PROBLEM = """
+robot:
+  model: ankle.urdf
+  base: fixed
+  loops:
+    left: {frames: [left_rod_end, left_ball]}
+    right: {frames: [right_rod_end, right_ball], kind: point}
+  unactuated: [pitch, roll, "*_rod_?"]
+start: {posture: standing, joints: {pitch: 0.2}}
+support: floating
+tasks:
+  foot: {type: frame, frame: foot, control: orientation, target: {rpy: [0.1, -0.2, 0.0]}}
+stop: {duration: 1.0}
+"""
 robot = ankle.robot
 
 
@@ -58,9 +65,8 @@ def test_postures_velocities_and_torques_are_the_closed_forms(
 def swing(robot: Robot, ticks: int, dt: float = 0.005) -> tuple[float, float]:
     """Let the foot nod and sway; return the largest gap, and distance of motors from the form."""
     foot = OrientationTask(robot, "foot", np.eye(3), gain=0.3)
-    controller = KinematicController(
-        robot, [foot], limits=Limits(robot), dt=dt, solver="active_set"
-    )
+    given = {"limits": Limits(robot), "solver": "active_set"}
+    controller = KinematicController(robot, [foot], dt=dt, **given)
     gap, off = 0.0, 0.0
     for k, (_, q) in enumerate(commanded(controller, robot.posture("standing"), ticks)):
         pitch, roll = 0.35 * np.sin(1.1 * k * dt), 0.2 * np.sin(1.7 * k * dt)
@@ -88,17 +94,11 @@ def test_loops_are_closed_on_every_path_of_a_tick(robot: Robot, path: str, solve
     if path == "bounds":
         limits.speed = np.full(robot.nv - 6, 1.0)
     threshold = 0.05 if path == "singular" else 0.0
-    foot = OrientationTask(
-        robot, "foot", robot.snapshot(goal).rotation("foot"), singular_threshold=threshold
-    )
+    R = robot.snapshot(goal).rotation("foot")
+    foot = OrientationTask(robot, "foot", R, singular_threshold=threshold)
     posture = PostureTask(robot, goal, weight=0.1, priority=1 if path == "levels" else 0)
-    controller = KinematicController(
-        robot,
-        [foot, posture],
-        limits=limits,
-        solver=solver,
-        deadline=10.0 if path == "deadline" else None,
-    )
+    given = {"solver": solver, "deadline": 10.0 if path == "deadline" else None}
+    controller = KinematicController(robot, [foot, posture], limits=limits, **given)
     q, bent = start, 0.0
     loops = [one for one in controller.contacts if one.name.startswith("loop")]
     for tick, there in commanded(controller, start, 120):
@@ -143,30 +143,12 @@ def test_five_seconds_of_torques_do_not_drift(robot: Robot) -> None:
 
 def test_loops_in_a_file(tmp_path: Path) -> None:
     (tmp_path / "ankle.urdf").write_text(ankle.urdf())
-    path = tmp_path / "task.yaml"
-    path.write_text(
-        """
-robot:
-  model: ankle.urdf
-  base: fixed
-  loops:
-    left: {frames: [left_rod_end, left_ball]}
-    right: {frames: [right_rod_end, right_ball], kind: point}
-  unactuated: [pitch, roll, "*_rod_?"]
-start: {posture: standing, joints: {pitch: 0.2}}
-support: floating
-tasks:
-  foot: {type: frame, frame: foot, control: orientation, target: {rpy: [0.1, -0.2, 0.0]}}
-stop: {duration: 1.0}
-"""
-    )
-    problem = load_problem(path)
+    problem = problem_of(tmp_path, PROBLEM)
     robot, result = problem.parts.robot, problem.run()
     rows = result.history.q
     assert list(robot.loops) == ["left", "right"] and len(robot.unactuated) == 6
     assert max(robot.gaps(rows[0]).values()) < 1e-12
     assert max(max(robot.gaps(q).values()) for q in rows) < 1e-9
     np.testing.assert_allclose(angles(robot, result.q, "pitch", "roll"), [-0.2, 0.1], atol=0.01)
-    path.write_text(path.read_text().replace("left_ball", "left_bal"))
-    with pytest.raises(Exception, match=r"frame of loop 'left'.*did you mean 'left_ball'"):
-        load_problem(path)
+    with pytest.raises(WbcError, match=r"frame of loop 'left'.*did you mean 'left_ball'"):
+        problem_of(tmp_path, PROBLEM.replace("left_ball", "left_bal"))

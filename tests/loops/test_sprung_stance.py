@@ -30,11 +30,8 @@ def leg(corner: str, x: float, y: float, stiffness: float) -> str:
 def table(stiffness: float) -> tuple[Robot, np.ndarray]:
     """Return the robot, and where it stands with its springs at rest."""
     legs = "".join(leg(corner, *place, stiffness) for corner, place in CORNERS.items())
-    motors = "".join(
-        f'<motor joint="{corner}_{joint}" ctrlrange="-80 80"/>'
-        for corner in CORNERS
-        for joint in ("hip", "knee")
-    )
+    driven = [f"{corner}_{joint}" for corner in CORNERS for joint in ("hip", "knee")]
+    motors = "".join(f'<motor joint="{joint}" ctrlrange="-80 80"/>' for joint in driven)
     robot = Robot.load(
         '<mujoco model="table"><compiler angle="radian"/><worldbody><body name="trunk">'
         '<freejoint/><inertial pos="0 0 .05" mass="20" diaginertia=".3 .5 .6"/>'
@@ -51,14 +48,8 @@ def controller(robot: Robot, q: np.ndarray, **settings: float) -> wbc.TorqueCont
         wbc.OrientationTask(robot, "base", start.rotation("base")),
         wbc.PostureTask(robot, q, joints={"*_spring": 0.0}, weight=0.1),
     ]
-    return wbc.TorqueController(
-        robot,
-        tasks,
-        contacts=wbc.support(start, "all"),
-        limits=wbc.Limits(robot),
-        solver="active_set",
-        **settings,
-    )
+    kept = {"contacts": wbc.support(start, "all"), "limits": wbc.Limits(robot)}
+    return wbc.TorqueController(robot, tasks, solver="active_set", **kept, **settings)
 
 
 @pytest.mark.parametrize("stiffness", [300.0, 1500.0, 6000.0])

@@ -13,51 +13,47 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf as toy
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 
 COUNT = int(os.environ.get("WBC_FUZZ", "150"))
 
-INERTIAL = (
-    '<inertial><origin xyz="0 0 -0.05" rpy="0 0.1 0"/><mass value="1.5"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0.001" iyy="0.02" iyz="0" izz="0.01"/></inertial>'
-)
-SHAPE = (
-    '<collision><origin xyz="0.02 0 -0.15"/><geometry><{}/></geometry></collision>'
-    '<visual><geometry><{}/></geometry><material name="m"><color rgba="1 0 0 1"/></material>'
-    "</visual>"
-)
 BOX, BALL = 'box size="0.2 0.1 0.02"', 'sphere radius="0.04"'
 TUBE = 'cylinder radius="0.03" length="0.2"'
-JOINT = (
-    '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-    '<origin xyz="0 {y} -0.2" rpy="0 0 0"/><axis xyz="0 1 0"/>'
-    '<limit lower="-1" upper="1.5" effort="20" velocity="5"/><dynamics damping="0.1"/></joint>'
-)
+LIMIT = '<limit lower="-1" upper="1.5" effort="20" velocity="5"/>'
+
+
+def link(name: str, inside: str = "") -> str:
+    return toy.link(name, inside, 1.5, (0.02, 0.02, 0.01), "0 0 -0.05")
+
+
+def joint(name: str, kind: str, parent: str, child: str, inside: str = "", y: float = 0.0) -> str:
+    inside += '<dynamics damping="0.1"/>'
+    at = {"at": f"0 {y} -0.2", "limit": LIMIT, "kind": kind}
+    return toy.joint(name, parent, child, inside, **at)
+
+
+def shapes(collides: str, drawn: str) -> str:
+    return toy.collision(collides, "0.02 0 -0.15") + (
+        f'<visual><geometry><{drawn}/></geometry><material name="m"><color rgba="1 0 0 1"/>'
+        "</material></visual>"
+    )
 
 
 def urdf() -> str:
-    parts = [f'<link name="torso">{INERTIAL}{SHAPE.format(BOX, BOX)}</link>']
+    parts = [link("torso", shapes(BOX, BOX))]
     for side, y in (("left", 0.1), ("right", -0.1)):
-        knee, foot = f"{side}_shank", f"{side}_foot"
+        knee, foot, toe = f"{side}_shank", f"{side}_foot", f"{side}_toe"
+        parts += [link(knee, shapes(TUBE, TUBE)), link(foot, shapes(BOX, BALL))]
+        tie = '<mimic joint="left_j0" multiplier="-1" offset="0.01"/>' if side == "right" else ""
         parts += [
-            f'<link name="{knee}">{INERTIAL}{SHAPE.format(TUBE, TUBE)}</link>',
-            f'<link name="{foot}">{INERTIAL}{SHAPE.format(BOX, BALL)}</link>',
-            f'<link name="{side}_toe"/>',
+            f'<link name="{toe}"/>',
+            joint(f"{side}_j0", "revolute", "torso", knee, tie, y),
+            joint(f"{side}_j1", "continuous", knee, foot),
+            joint(f"{side}_j2", "fixed", foot, toe),
         ]
-        ends = [
-            ("torso", knee, "revolute"),
-            (knee, foot, "continuous"),
-            (foot, f"{side}_toe", "fixed"),
-        ]
-        for k, (parent, child, kind) in enumerate(ends):
-            name = f"{side}_j{k}"
-            parts.append(
-                JOINT.format(name=name, kind=kind, parent=parent, child=child, y=y if k == 0 else 0)
-            )
-    mimic = '<mimic joint="left_j0" multiplier="-1" offset="0.01"/></joint>'
-    parts[-3] = parts[-3].replace("</joint>", mimic)  # right_j0
-    return f'<robot name="toy">{"".join(parts)}</robot>'
+    return toy.robot("toy", *parts)
 
 
 def mjcf() -> str:
@@ -171,17 +167,16 @@ def test_mutated_files_end_in_typed_errors(tmp_path: Path, kind: str) -> None:
 
 
 def chain(count: int, kind: str, branched: bool = False) -> str:
-    parts = [f'<link name="l0">{INERTIAL}</link>']
+    parts = [link("l0")]
     for k in range(count):
-        ends = {"parent": f"l{0 if branched else k}", "child": f"l{k + 1}"}
-        parts.append(f'<link name="l{k + 1}">{INERTIAL}</link>')
-        parts.append(JOINT.format(name=f"j{k}", kind=kind, y=0, **ends))
-    return f'<robot name="x">{"".join(parts)}</robot>'
+        parts.append(link(f"l{k + 1}"))
+        parts.append(joint(f"j{k}", kind, f"l{0 if branched else k}", f"l{k + 1}"))
+    return toy.robot("x", *parts)
 
 
 def scaled(scale: str) -> str:
-    mesh = f'<collision><geometry><mesh filename="m.stl" scale="{scale}"/></geometry></collision>'
-    return f'<robot name="x"><link name="a">{INERTIAL}{mesh}</link></robot>'
+    mesh = toy.collision(f'mesh filename="m.stl" scale="{scale}"')
+    return toy.robot("x", link("a", mesh))
 
 
 ATTACKS = {
