@@ -271,20 +271,20 @@ def test_no_shapes_at_all() -> None:
 
 
 def test_pairs_that_make_no_sense(hoap2) -> None:
-    ball = Capsule.sphere(np.zeros(3), 0.1)
-    floor = HalfSpace.of([0, 0, 1], 0.0)
+    ball, floor = Capsule.sphere(np.zeros(3), 0.1), HalfSpace.of([0, 0, 1], 0.0)
     two = [Body("a", "a", 3, ball), Body("b", "b", 3, ball)]
-    with pytest.raises(InvalidInputError, match="one joint"):
-        CollisionModel(hoap2, two, [(0, 1)])
-    with pytest.raises(InvalidInputError, match="second"):
-        CollisionModel(hoap2, [Body("floor", "floor", 0, floor), two[0]], [(0, 1)])
-    model = CollisionModel(hoap2, [two[0], Body("floor", "floor", 0, floor)], [(0, 1)])
-    with pytest.raises(InvalidInputError, match="moved by the robot"):
-        model.place(0, np.eye(3), np.zeros(3))
+    ground = Body("floor", "floor", 0, floor)
+    model = CollisionModel(hoap2, [two[0], ground], [(0, 1)])
     here = hoap2.snapshot(hoap2.posture("standing"))
-    for count in (0, -1):
-        with pytest.raises(InvalidInputError, match="at least 1"):
-            model.nearest(here, count)
+    for mistake, said in (
+        (lambda: CollisionModel(hoap2, two, [(0, 1)]), "one joint"),
+        (lambda: CollisionModel(hoap2, [ground, two[0]], [(0, 1)]), "second"),
+        (lambda: model.place(0, np.eye(3), np.zeros(3)), "moved by the robot"),
+        (lambda: model.nearest(here, 0), "at least 1"),
+        (lambda: model.nearest(here, -1), "at least 1"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            mistake()
 
 
 @pytest.mark.parametrize(
