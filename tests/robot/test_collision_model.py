@@ -31,14 +31,18 @@ def no_cache(monkeypatch) -> None:
 
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
 def test_distances_of_all_kinds_of_pairs(name, robot_named, random_snapshot, rng) -> None:
+    """What was asked for before, few or all, leaves nothing behind."""
     robot = robot_named(name)
     model = model_on(robot, rng)
-    for _ in range(5):
+    for size in (len(model.pairs), 3, len(model.pairs), 1, 20, 5, 0):
         here = random_snapshot(robot, rng)
-        found = model.nearest(here)
-        np.testing.assert_array_equal(found.pairs, np.arange(len(model.pairs)))
+        some = np.sort(rng.choice(len(model.pairs), size, replace=False))
+        found = model.measure(here, some) if size < len(model.pairs) else model.nearest(here)
+        np.testing.assert_array_equal(found.pairs, some)
         # Two iterations that stop at 1e-7 m; EPA, inside each other, is ten times coarser.
-        np.testing.assert_allclose(found.distance, of_model(model, here.q), rtol=0, atol=5e-6)
+        expected = distances(robot, model.bodies, model.pairs[some], here.q)
+        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
+        assert found.normal.shape == found.point.shape == (size, 3)
         norms = np.linalg.norm(found.normal, axis=1)
         np.testing.assert_allclose(norms, 1.0, rtol=0, atol=1e-6)
 
@@ -95,19 +99,6 @@ def test_the_nearest_pairs_are_those_of_brute_force(
             np.testing.assert_allclose(np.sort(found.distance), everything[:count], atol=1e-6)
             again = model.measure(here, found.pairs)
             np.testing.assert_allclose(again.distance, found.distance, rtol=0, atol=1e-6)
-
-
-def test_pairs_asked_for_in_turn_are_measured_anew(hoap2, random_snapshot, rng) -> None:
-    """What was asked for before, few or all, leaves nothing behind."""
-    model = model_on(hoap2, rng)
-    for size in (3, len(model.pairs), 1, 20, 5, 0):
-        here = random_snapshot(hoap2, rng)
-        some = np.sort(rng.choice(len(model.pairs), size, replace=False))
-        found = model.measure(here, some)
-        expected = distances(hoap2, model.bodies, model.pairs[some], here.q)
-        np.testing.assert_array_equal(found.pairs, some)
-        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
-        assert found.normal.shape == found.point.shape == (size, 3)
 
 
 @pytest.mark.slow

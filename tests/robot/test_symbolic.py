@@ -1,10 +1,7 @@
-"""The symbolic chain against Pinocchio on fresh data, SciPy's rotations and finite differences."""
-
-from collections.abc import Iterable
+"""The symbolic chain against the snapshot (test_kernel), SciPy, and finite differences."""
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -24,63 +21,27 @@ def last_frame(robot: Robot) -> str:
     return max(robot.frame_names, key=lambda f: robot.model.frames[robot.frame_id(f)].parentJoint)
 
 
-def pinocchio_values(robot: Robot, q: np.ndarray, frame: str) -> dict[str, np.ndarray]:
-    data = robot.model.createData()
-    pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
-    pin.updateFramePlacements(robot.model, data)
-    pose = data.oMf[robot.frame_id(frame)]
-    com = pin.centerOfMass(robot.model, robot.model.createData(), q)
-    return {
-        "com": com,
-        "inertia": np.array(data.Ig.inertia),
-        "position": pose.translation.copy(),
-        "rotation": pose.rotation.copy(),
-        "base": data.oMi[1].rotation.copy(),
-    }
-
-
 def assert_near(actual: object, expected: np.ndarray) -> None:
     scale = max(np.abs(expected).max(), 1e-3)
     flat = np.array(actual, dtype=float).reshape(expected.shape, order="F")
     np.testing.assert_allclose(flat, expected, rtol=0, atol=RELATIVE * scale)
 
 
-def posture_functions(
-    robot: Robot, frames: Iterable[str] = (), axes: str = "world"
-) -> dict[str, ca.Function]:
-    """CoM, inertia in some axes (6,), and position and rotation of frames, as functions of q."""
+def test_com_and_frames_are_the_snapshots(robot: Robot, rng, random_snapshot) -> None:
+    frames = (last_frame(robot), "base")
     q = ca.SX.sym("q", robot.nq)
     here = SymbolicPosture.at(robot, q)
-    inertia = vech_symbolic(here.inertia_in(axes))
-    outputs = {"com": [here.com], "inertia": [inertia]}
-    outputs |= {frame: [here.position(frame), here.rotation(frame)] for frame in frames}
-    return {name: ca.Function(f"f{k}", [q], outputs[name]) for k, name in enumerate(outputs)}
-
-
-def test_com_inertia_and_frames_are_pinocchios(robot: Robot, rng, random_snapshot) -> None:
-    frame = last_frame(robot)
-    functions = posture_functions(robot, frames=(frame, "base"))
-    in_base = posture_functions(robot, axes="base")["inertia"]
-    in_frame = posture_functions(robot, axes=frame)["inertia"]
+    parts = [part for frame in frames for part in (here.position(frame), here.rotation(frame))]
+    function = ca.Function("f", [q], [here.com, *parts])
     for _ in range(STATES):
-        q = random_snapshot(robot, rng).q
-        expected = pinocchio_values(robot, q, frame)
-        assert_near(functions["com"](q), expected["com"])
-        position, rotation = functions[frame](q)
-        assert_near(position, expected["position"])
-        assert_near(rotation, expected["rotation"])
-        assert_near(functions["base"](q)[1], expected["base"])
-        world = expected["inertia"]
-        for function, R in (
-            (functions["inertia"], np.eye(3)),
-            (in_base, expected["base"]),
-            (in_frame, expected["rotation"]),
-        ):
-            assert_near(function(q), (R.T @ world @ R)[ROWS, COLUMNS])
+        s = random_snapshot(robot, rng)
+        wanted = [part for frame in frames for part in (s.position(frame), s.rotation(frame))]
+        for found, expected in zip(function(s.q), (s.com, *wanted), strict=True):
+            assert_near(found, expected)
 
 
 @pytest.mark.parametrize(
-    "about", ["world", "base", "last frame", np.array((0.3, -0.4, 0.5))], ids=str
+    "about", ["com", "world", "base", "last frame", np.array((0.3, -0.4, 0.5))], ids=str
 )
 def test_inertia_about_other_points_is_the_snapshots(about, robot: Robot, rng, random_snapshot):
     frame = last_frame(robot)
@@ -154,6 +115,7 @@ def test_logarithm_of_a_rotation(angle: float) -> None:
     np.testing.assert_allclose(second, (high - 2 * middle + low) / h**2, atol=1e-4)
 
 
-def test_unknown_frames_are_named(hoap2) -> None:
+def test_unknown_frames_are_named(hoap2: Robot) -> None:
+    here = SymbolicPosture.at(hoap2, ca.SX.sym("q", hoap2.nq))
     with pytest.raises(UnknownNameError, match="unknown frame 'left_sol'"):
-        posture_functions(hoap2, frames=("left_sol",))
+        here.position("left_sol")
