@@ -6,11 +6,12 @@ The kinds are written down here by looking at the files and their pictures.
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from tests.standing import sole_corners
 from wbc.constraints import PointContact, support
 from wbc.errors import ModelError
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
 
@@ -81,23 +82,14 @@ def load(name: str, **given: object) -> Robot:
 
 
 def assert_stands(robot: Robot) -> None:
-    """Soles on the ground, all else above it, and the CoM over them; placed by Pinocchio."""
-    q, data = robot.posture("standing"), robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    com, soles = pin.centerOfMass(robot.model, data, q), []
-    for foot in robot.feet.values():
-        pose = data.oMf[robot.model.getFrameId(foot.frame)]
-        soles += [pose.act(np.append(corner, 0.0)) for corner in foot.polygon]
-    corners = np.array(soles)
+    """Soles on the ground, all else above it, and the CoM over them."""
+    s = robot.snapshot(robot.posture("standing"))
+    corners = sole_corners(s)
     np.testing.assert_allclose(corners[:, 2], 0.0, atol=1e-3)  # m
-    turns = np.linspace(0, 2 * np.pi, 720)
-    directions = np.stack([np.cos(turns), np.sin(turns)])
-    assert ((corners[:, :2] - com[:2]) @ directions).max(axis=0).min() > 0.0
-    assert min(pose.translation[2] for pose in list(data.oMi)[1:]) > 0.0
-    assert com[2] > 0.08  # m
-    positions = robot.limits.joint_positions(q)
-    assert (positions >= robot.limits.lower - 1e-9).all()
-    assert (positions <= robot.limits.upper + 1e-9).all()
+    assert polygon_margin(convex_hull(corners[:, :2]), s.com[:2]) > 0.0
+    assert s.joint_placements[1][1:, 2].min() > 0.0
+    assert s.com[2] > 0.08  # m
+    assert (robot.limits.past(s.joint_positions) <= 1e-9).all()
 
 
 def test_no_file_is_left_out() -> None:

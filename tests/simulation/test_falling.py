@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.robot.test_feet_of_others import FOOT, TOE, biped
+from tests.simulation.idle import in_the_air
 from wbc.errors import UnknownNameError
 from wbc.gait import Wall
 from wbc.robot import Robot
@@ -90,10 +91,7 @@ def test_a_bolted_robot_does_not_sink() -> None:
 
 def test_a_robot_that_floats_below_the_origin_has_not_fallen(plant: Plant) -> None:
     """It had, at the first tick: its CoM "sank to -0.039 m, below 0.5 of -0.039 m"."""
-    floating = Plant(plant.robot, shapes=False, gravity=(0.0, 0.0, 0.0))
-    q, _ = floating.state()
-    q[2] = -2.0
-    floating.reset(q)
+    floating = in_the_air(plant.robot, -2.0, gravity=(0.0, 0.0, 0.0))
     watch = FallWatch(floating, FallLimits())
     floating.step(floating.torque)
     assert watch.verdict().stood

@@ -7,7 +7,6 @@ from types import SimpleNamespace as Run
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
 
@@ -61,11 +60,9 @@ def test_both_ends_are_drawn_with_their_semi_axes(hoap2: Robot, run: Run, figure
     assert (before.get_title(), after.get_title()) == ("before, t = 0 s", "after, t = 2 s")
     assert errors.get_yscale() == "log"
     for axes, q in ((before, run.q[0]), (after, run.q[-1])):
-        # Second moment about each principal axis from Pinocchio's centroidal inertia.
-        data = hoap2.model.createData()
-        pin.ccrba(hoap2.model, data, q, np.zeros(hoap2.nv))
-        principal = np.linalg.eigvalsh(data.Ig.inertia)
-        extents = np.sqrt(5.0 * (principal.sum() / 2.0 - principal) / data.Ig.mass)
+        # Second moment about each principal axis from the centroidal inertia.
+        principal = np.linalg.eigvalsh(hoap2.snapshot(q).inertia)
+        extents = np.sqrt(5.0 * (principal.sum() / 2.0 - principal) / hoap2.mass)
         texts = [text.get_text() for text in axes.texts]
         assert texts == [f"a{'₁₂₃'[k]} {1e3 * extents[k]:.0f} mm" for k in range(3)]
     labels = [text.get_text() for text in moments.texts]

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from websockets.sync.client import ClientConnection
 
@@ -18,10 +17,9 @@ HAND, POINT, STIFFNESS = "left_hand_link", np.array([0.0, 0.01, 0.02]), 60.0
 
 
 def placed(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return where the pulled point is (3,), by Pinocchio."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    return np.asarray(data.oMf[robot.model.getFrameId(HAND)].act(POINT))
+    """Return where the pulled point is (3,)."""
+    s = robot.snapshot(q)
+    return s.position(HAND) + s.rotation(HAND) @ POINT
 
 
 @pytest.mark.slow
