@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests import urdf
+from tests.robot.formats import mjcf_texts as mjcf
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.files import cache_folder
 from wbc.robot import Robot
@@ -101,14 +102,8 @@ def test_mistakes_are_those_of_what_is_cached(folder: Path) -> None:
 
 
 def test_mujoco_models_are_kept_too(tmp_path: Path, monkeypatch) -> None:
-    pytest.importorskip("mujoco")
     monkeypatch.setenv("WBC_CACHE", str(tmp_path / "cache"))
-    body = '<geom type="box" size=".1 .1 .1" pos="0 0 {}"/>'
-    (tmp_path / "r.xml").write_text(
-        '<mujoco><worldbody><body name="a"><freejoint/>' + body.format(0)
-        + '<body name="b" pos="0 0 1"><joint axis="1 0 0" range="-1 1"/>' + body.format(0)
-        + "</body></body></worldbody></mujoco>"
-    )  # fmt: skip
+    (tmp_path / "r.xml").write_text(mjcf.text(mjcf.LEGS))
     one = chosen_pairs(Robot.load(tmp_path / "r.xml"))
     entries = list((tmp_path / "cache" / "collision").iterdir())
     two = chosen_pairs(Robot.load(tmp_path / "r.xml"))

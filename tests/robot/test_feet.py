@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
+from tests.robot.formats import mjcf_texts as mjcf
 from tests.standing import sole_corners
 from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -250,19 +251,12 @@ def test_a_base_between_the_soles_stays_upright() -> None:
 
 def test_a_robot_that_its_file_lays_down_stands_up() -> None:
     """As in tasks about getting up: the file's own pose of the base is not how it stands."""
-    legs = "".join(
-        f'<body name="{side}_foot" pos="0 {y} -0.5"><joint name="{side}" axis="0 1 0"'
-        ' range="-50 50"/><geom type="box" pos=".02 0 0" size=".1 .05 .01" mass="1"/></body>'
-        for side, y in LEFT_RIGHT
-    )
-    robot = Robot.load(
-        '<mujoco><worldbody><body name="trunk" pos="0 0 0.1" quat="0.7071 0 0.7071 0"><freejoint/>'
-        f'<geom type="box" size=".1 .1 .2" mass="5"/>{legs}</body></worldbody></mujoco>'
-    )
+    lies = '<body name="trunk" pos="0 0 0.1" quat="0.7071 0 0.7071 0"><freejoint/>'
+    robot = Robot.load(mjcf.text(mjcf.LEGS, root=lies + mjcf.INERTIAL.format(5)))
     lying, up = (robot.snapshot(robot.postures[name]) for name in ("neutral", "standing"))
     np.testing.assert_allclose(lying.rotation("trunk")[:, 0], [0, 0, -1], atol=1e-3)
     np.testing.assert_allclose(up.rotation("trunk"), np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(up.position("left_sole"), [0.02, 0.1, 0.0], atol=1e-9)
+    np.testing.assert_allclose(up.position("left_sole"), [0.0, 0.2, 0.0], atol=1e-9)
 
 
 def test_feet_that_are_points_are_said() -> None:

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
+from tests.robot.formats import mjcf_texts as mjcf
 from tests.urdf import on_both_legs
 from wbc.errors import InvalidInputError
 from wbc.gait import Walker
@@ -337,21 +338,11 @@ def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(
 
 def test_places_between_joints_of_one_body_are_no_feet() -> None:
     """In an MJCF ankles of two joints in one body, called foot, which carry wheels."""
-    pytest.importorskip("mujoco")
-    light = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
-    legs = "".join(
-        f'<body name="{side}_foot" pos="0 {y} -.4"><joint name="{side}_a" axis="0 1 0"'
-        f' range="-1 1"/><joint name="{side}_b" axis="1 0 0" range="-1 1"/>{light}'
-        '<geom type="box" size=".1 .05 .02"/><body pos="0 0 -.05">'
-        f'<joint name="{side}_roll" axis="0 1 0"/>{light}'
-        '<geom type="cylinder" size=".05 .02" euler="90 0 0"/></body></body>'
-        for side, y in (("left", 0.1), ("right", -0.1))
-    )
-    trunk = light.replace('mass="1"', 'mass="9"')
-    robot = Robot.load(
-        f'<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/>{trunk}{legs}</body>'
-        "</worldbody></mujoco>"
-    )
+    ankles, wheels = '<joint axis="1 0 0" range="-1 1"/><inertial', '<joint axis="0 1 0"/>'
+    wheels += '<geom type="cylinder" size=".05 .02" euler="1.5708 0 0"/>'
+    legs = mjcf.LEGS.replace("<inertial", ankles)
+    legs = legs.replace("</body>", f'<body pos="0 0 -.05">{wheels}</body></body>')
+    robot = Robot.load(mjcf.text(legs))
     assert not robot.feet and any("it has wheels" in note for note in robot.notes)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from tests import urdf
 from tests.problem.loading import problem_of
+from tests.robot.formats import mjcf_texts as mjcf
 from wbc import KinematicController, PositionTask, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -111,13 +112,7 @@ def test_a_root_without_mass_that_moves_by_a_joint_is_a_mount() -> None:
 
 
 def test_a_bolted_root_that_floats_for_its_feet_is_noted() -> None:
-    feet = "".join(
-        f'<body name="{side}_foot" pos="0 {y} -.5"><joint name="{side}_hip" axis="0 1 0"/>'
-        '<geom type="box" size=".1 .05 .02"/></body>'
-        for side, y in (("left", 0.1), ("right", -0.1))
-    )
-    trunk = f'<body name="trunk"><geom type="box" size=".1 .1 .2"/>{feet}</body>'
-    text = f"<mujoco><worldbody>{trunk}</worldbody></mujoco>"
+    text = mjcf.text(mjcf.LEGS, root=mjcf.TRUNK.replace("<freejoint/>", ""))
     robot = Robot.load(text)
     assert not robot.fixed_base
     said = "the base floats, as there are feet, though the root has no free joint"

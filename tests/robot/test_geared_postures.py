@@ -7,6 +7,7 @@ import pytest
 
 from tests import urdf
 from tests.problem.loading import problem_of
+from tests.robot.formats import mjcf_texts as mjcf
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
@@ -80,12 +81,8 @@ def test_state_of_a_file_that_is_off_a_gear_is_noted(
 
 
 def test_key_frame_that_is_off_an_equality_constraint_is_noted() -> None:
-    pytest.importorskip("mujoco")
-    body = '<inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>'
-    robot = Robot.load(
-        f'<mujoco><worldbody><body name="trunk"><freejoint/>{body}<body name="a"><joint name="j1"/>'
-        f'{body}<body name="b"><joint name="j2"/>{body}</body></body></body></worldbody>'
-        '<equality><joint joint1="j2" joint2="j1" polycoef=".1 -2 0 0 0"/></equality>'
-        '<keyframe><key name="bent" qpos="0 0 1 1 0 0 0 .3 .5"/></keyframe></mujoco>'
-    )
+    second = mjcf.arm(name="b").replace("j1", "j2")
+    tail = '<equality><joint joint1="j2" joint2="j1" polycoef=".1 -2 0 0 0"/></equality>'
+    tail += '<keyframe><key name="bent" qpos="0 0 1 1 0 0 0 .3 .5"/></keyframe>'
+    robot = Robot.load(mjcf.text(mjcf.arm() + second, tail=tail))
     assert [note[-20:] for note in robot.notes if "'bent'" in note] == [" j2 at -0.5, not 0.5"]
