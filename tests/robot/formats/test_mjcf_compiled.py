@@ -161,18 +161,36 @@ SIX = (
 )
 
 
-def test_six_joints_of_the_root_are_its_floating_base() -> None:
+SLIDES = SIX[: SIX.index('<joint name="tilt"')]
+
+
+@pytest.mark.parametrize(
+    ("joints", "names", "turns"),
+    [
+        (SIX, "tx, ty, tz, tilt, list, turn", ".4 .5 .6"),
+        # As makers' files have it that began as a planar model; a key frame may turn the ball.
+        (SLIDES + '<joint name="turn" type="ball"/>', "tx, ty, tz, turn", ".6 0 .8 0"),
+    ],
+    ids=["six joints", "slides and a ball"],
+)
+def test_joints_that_move_the_root_any_way_are_its_floating_base(
+    joints: str, names: str, turns: str
+) -> None:
     """As files of models of people and of robots that learn to walk have them."""
-    root = TRUNK.replace("<freejoint/>", SIX)
-    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .4 .5 .6 .2 -.3"/></keyframe>'
+    root = TRUNK.replace("<freejoint/>", joints)
+    keys = f'<keyframe><key name="bent" qpos=".1 .2 .3 {turns} .2 -.3"/></keyframe>'
     content = text(LEGS, root=root, tail=keys)
     robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
     assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
     assert list(robot.feet) == ["left", "right"]
-    assert any("floating base: tx, ty, tz, tilt, list, turn" in note for note in robot.notes)
+    assert any(f"floating base: {names}" in note for note in robot.notes)
     assert_agree(robot, model)
     s = robot.snapshot(robot.postures["bent"])
     assert_placed(s, forward(model, 0), "trunk", "left_foot", "right_foot")
+
+
+def test_joints_of_the_root_that_are_driven_or_do_not_turn_it_any_way_are_joints() -> None:
+    content = text(LEGS, root=TRUNK.replace("<freejoint/>", SIX))
     driven = content.replace("</worldbody>", '</worldbody><actuator><motor joint="tz"/></actuator>')
     assert Robot.load(driven).nv == 6 + 8  # a gantry is a gantry
     flat = content.replace('axis="-1 0 0"', 'axis="0 1 .1"')
@@ -455,31 +473,18 @@ def test_without_mujoco_the_extra_is_named(tmp_path: Path, monkeypatch, given: s
         Robot.load(path if given == "file" else path.read_text())
 
 
-def test_slides_and_a_ball_of_the_root_are_its_floating_base() -> None:
-    """As makers' files have it that began as a planar model; the ball may be turned at a key."""
-    ball = SIX[: SIX.index('<joint name="tilt"')] + '<joint name="turn" type="ball"/>'
-    root = TRUNK.replace("<freejoint/>", ball)
-    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .6 0 .8 0 .2 -.3"/></keyframe>'
-    content = text(LEGS, root=root, tail=keys)
-    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
-    assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
-    assert any("floating base: tx, ty, tz, turn" in note for note in robot.notes)
-    s, data = robot.snapshot(robot.postures["bent"]), forward(model, 0)
-    for foot in ("left_foot", "right_foot"):
-        apart = s.position(foot) - s.position("base")
-        wanted = data.body(foot).xpos - data.body("trunk").xpos
-        np.testing.assert_allclose(apart, wanted, atol=1e-12)
-
-
-def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path) -> None:
-    old = '<option><flag sensornoise="enable"/></option><worldbody>'
-    content = text(LEGS).replace("<worldbody>", old, 1)
-    path = tmp_path / "old.xml"
-    path.write_text(content)
-    for source in (path, content):
-        robot = Robot.load(source)
-        assert any("<flag sensornoise>" in note for note in robot.notes)
-        assert list(robot.feet) == ["left", "right"]
+@pytest.mark.parametrize("where", ["main", "included", "text"])
+def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path, where: str) -> None:
+    old = '<option><flag sensornoise="enable"/></option>'
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/legs.xml").write_text(f"<mujocoinclude>{LEGS}</mujocoinclude>")
+    (tmp_path / "parts/old.xml").write_text(f"<mujoco>{old}</mujoco>")
+    head = '<include file="parts/old.xml"/>' if where == "included" else old
+    path = tmp_path / "robot.xml"
+    path.write_text(text('<include file="parts/legs.xml"/>', head=head))
+    robot = Robot.load(text(LEGS, head=old) if where == "text" else path)
+    assert robot.joint_names == ("left_hip", "right_hip") and list(robot.feet) == ["left", "right"]
+    assert "left out, as MuJoCo knows them no more: <flag sensornoise>" in robot.notes
 
 
 BALL = (
