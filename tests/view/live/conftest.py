@@ -106,6 +106,13 @@ class Stage:
             np.testing.assert_allclose(rotation_of(node), rotations[k], atol=1e-9)
 
 
+def balanced(robot: wbc.Robot, mode: str = "double", q: Any = None) -> wbc.KinematicController:
+    """Return what keeps the CoM of a robot that stands, on some of its feet."""
+    start = robot.snapshot(robot.posture("standing") if q is None else q)
+    contacts = wbc.support(start, mode)
+    return wbc.KinematicController(robot, [wbc.ComTask(robot, start.com)], contacts=contacts)
+
+
 def rotation_of(handle: Any) -> np.ndarray:
     """Return the rotation (3, 3) of a node."""
     return rotation_from(np.roll(handle.wxyz, -1))

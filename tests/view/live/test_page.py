@@ -17,13 +17,10 @@ from wbc.view.live.collect import tick_info
 @pytest.fixture(scope="module")
 def controller(robot: wbc.Robot) -> wbc.KinematicController:
     start = robot.snapshot(robot.posture("standing"))
-    tasks = [
-        wbc.ComTask(robot, start.com + [0.0, 0.02, 0.0], weight=10.0),
-        wbc.InertiaTask(robot, 1.2 * start.inertia, per_mass=True),
-    ]
-    return wbc.KinematicController(
-        robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot)
-    )
+    com = wbc.ComTask(robot, start.com + [0.0, 0.02, 0.0], weight=10.0)
+    tasks = [com, wbc.InertiaTask(robot, 1.2 * start.inertia, per_mass=True)]
+    given = {"contacts": wbc.support(start, "double"), "limits": wbc.Limits(robot)}
+    return wbc.KinematicController(robot, tasks, **given)
 
 
 def test_links_and_ellipsoid_are_where_the_robot_is(stage, controller) -> None:
@@ -69,9 +66,8 @@ def test_a_layer_that_is_hidden_is_drawn_when_it_is_shown(stage, controller) -> 
     stage.handle("/ellipsoid").visible = True
     stage.page._changed = True
     stage.draw()
-    np.testing.assert_allclose(
-        stage.handle("/ellipsoid/surface").position, there + [1.0, 0.0, 0.0], atol=1e-9
-    )
+    now = stage.handle("/ellipsoid/surface").position
+    np.testing.assert_allclose(now, there + [1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_going_back_in_time(stage: Stage, controller: wbc.KinematicController) -> None:
@@ -79,8 +75,7 @@ def test_going_back_in_time(stage: Stage, controller: wbc.KinematicController) -
     q = robot.posture("standing")
     heights = []
     for k in range(5):
-        moved = q.copy()
-        moved[2] += 0.1 * k
+        moved = q + 0.1 * k * np.eye(robot.nq)[2]
         heights.append(robot.snapshot(moved).com[2])
         stage.draw(frame_at(controller, moved, 0.1 * k))
     ball = stage.handle("/com/com")
@@ -132,10 +127,9 @@ def test_a_floating_robot_has_no_leg(stage: Stage, robot: wbc.Robot) -> None:
 def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None:
     q = robot.posture("standing")
     start = robot.snapshot(q)
-    wanted = start.inertia * 3.0  # out of reach: joints run into their limits
-    controller = wbc.KinematicController(
-        robot, [wbc.InertiaTask(robot, wanted, name="a <wide> one")], limits=wbc.Limits(robot)
-    )
+    # Out of reach: joints run into their limits.
+    wide = wbc.InertiaTask(robot, 3.0 * start.inertia, name="a <wide> one")
+    controller = wbc.KinematicController(robot, [wide], limits=wbc.Limits(robot))
     at_limit = ""
     for _ in range(400):
         tick = controller.step(robot.snapshot(q))

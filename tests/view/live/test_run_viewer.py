@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import wbc
 from tests.problem.loading import problem_of
+from tests.view.live.conftest import balanced
 from wbc.problem.problem import Problem
 from wbc.robot import Robot
 from wbc.run.result import Result
@@ -76,11 +76,7 @@ def test_a_replay_takes_the_place_of_what_was_seen(stage, problem, alone) -> Non
     """And knows of each time who was held then."""
     frames = frames_of(alone.history)
     robot = stage.page._robot
-    start = robot.snapshot(robot.posture("standing"))
-    one = wbc.KinematicController(
-        robot, [wbc.ComTask(robot, start.com)], contacts=wbc.support(start, "double")
-    )
-    other = wbc.KinematicController(robot, one.tasks, contacts=wbc.support(start, "left"))
+    one, other = balanced(robot), balanced(robot, "left")
     late = next(k for k, frame in enumerate(frames) if frame.time > 0.5)
     stage.draw(controller_info(one), frames[0], controller_info(other), frames[late])
     stage.draw(WholeRun(tuple(frames)))
@@ -100,9 +96,6 @@ def test_a_replay_takes_the_place_of_what_was_seen(stage, problem, alone) -> Non
 
 @pytest.mark.slow
 def test_a_viewer_that_may_not_steer_leaves_tasks_alone(hoap2: Robot) -> None:
-    start = hoap2.snapshot(hoap2.posture("standing"))
-    task = wbc.ComTask(hoap2, start.com)
-    controller = wbc.KinematicController(hoap2, [task], contacts=wbc.support(start, "double"))
-    with Viewer(hoap2, controller, steer=False, quiet=True) as viewer:
-        viewer.update(start)
+    with Viewer(hoap2, balanced(hoap2), steer=False, quiet=True) as viewer:
+        viewer.update(hoap2.snapshot(hoap2.posture("standing")))
         assert not viewer.steering

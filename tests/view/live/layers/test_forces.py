@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, frame_at
+from tests.view.live.conftest import Stage, balanced, frame_at
 from wbc.view.live.collect import controller_info
 from wbc.view.live.layers.forces import REACH, point_of_action
 from wbc.view.live.layers.layer import GREEN, VERMILION
@@ -15,9 +15,8 @@ from wbc.view.live.messages import ControllerInfo
 def standing(robot: wbc.Robot) -> wbc.TorqueController:
     start = robot.snapshot(robot.posture("standing"))
     tasks = [wbc.ComTask(robot, start.com, weight=10.0), wbc.PostureTask(robot, start.q)]
-    return wbc.TorqueController(
-        robot, tasks, contacts=wbc.support(start, "double"), torque_limits=None
-    )
+    contacts = wbc.support(start, "double")
+    return wbc.TorqueController(robot, tasks, contacts=contacts, torque_limits=None)
 
 
 def test_arrows_carry_the_weight_from_inside_the_soles(stage, standing) -> None:
@@ -62,11 +61,7 @@ def test_a_force_at_the_edge_of_its_cone_is_red(stage, standing) -> None:
 
 
 def test_the_kinematic_level_has_no_forces(stage: Stage, robot: wbc.Robot) -> None:
-    start = robot.snapshot(robot.posture("standing"))
-    controller = wbc.KinematicController(
-        robot, [wbc.ComTask(robot, start.com)], contacts=wbc.support(start, "double")
-    )
-    stage.show(controller)
+    stage.show(balanced(robot))
     assert not stage.handle("/contact_forces/arrows").visible
 
 

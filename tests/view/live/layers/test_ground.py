@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, rotation_of
+from tests.view.live.conftest import Stage, balanced, rotation_of
 from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
@@ -45,11 +45,7 @@ def test_level_ground_is_level(stage: Stage) -> None:
 
 
 def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> None:
-    standing = robot.snapshot(start)
-    controller = wbc.KinematicController(
-        robot, [wbc.ComTask(robot, standing.com)], contacts=wbc.support(standing, "double")
-    )
-    hill.show(controller, start)
+    standing = hill.show(balanced(robot, q=start), start)
     polygon = hill.handle("/soles_and_support/polygon").points.reshape(-1, 3)
     mark = hill.handle("/com/projection").position
     plumb = hill.handle("/com/plumb").points[0]
