@@ -269,6 +269,21 @@ def test_included_files_are_found_beside_the_including_one(tmp_path: Path) -> No
     assert_agree(robot, mujoco.MjModel.from_xml_path(str(path)))
 
 
+@pytest.mark.parametrize("ending", ["", ".mjcf", ".XML", ".xml.txt"])
+def test_a_file_may_have_any_ending(tmp_path: Path, ending: str) -> None:
+    (tmp_path / "nested.xml").write_text(text(arm()))
+    content = (
+        '<mujoco><asset><model name="nested" file="nested.xml"/></asset><worldbody><frame>'
+        '<attach model="nested" body="trunk" prefix="A/"/></frame></worldbody></mujoco>'
+    )
+    path, usual = tmp_path / f"robot{ending}", tmp_path / "robot.xml"
+    path.write_text(content)
+    usual.write_text(content)
+    robot = Robot.load(path, feet={})
+    assert robot.joint_names == ("A/j1",)
+    assert_agree(robot, mujoco.MjModel.from_xml_path(str(usual)), root="A/trunk")
+
+
 def test_what_mujoco_made_is_read_as_its_file(tmp_path: Path) -> None:
     content = text(arm('ref=".2"') + LEGS)
     path = tmp_path / "robot.xml"

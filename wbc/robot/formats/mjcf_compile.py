@@ -21,6 +21,7 @@ from wbc.robot.formats.mjcf_balls import delete_from, without_balls
 from wbc.robot.formats.xml import read_xml, refuse_non_finite
 from wbc.robot.notes import noted
 
+ENDINGS = (".xml", ".urdf")  # of files that MuJoCo opens
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
 REPEATING = ("replicate", "composite", "flexcomp")
 # Attributes of older files that MuJoCo has removed, by element, and that do not affect robots.
@@ -77,7 +78,8 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
         warnings.simplefilter("always")
         try:
             older = () if root is None else _drop_removed(root)
-            if older and root is not None:
+            unknown = isinstance(source, Path) and source.suffix not in ENDINGS
+            if root is not None and (older or unknown):
                 source = _spec_of(mujoco, root, source)
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
@@ -117,9 +119,12 @@ def _drop_removed(root: ET.Element) -> tuple[str, ...]:
 
 def _spec_of(mujoco: Any, root: ET.Element, source: Any) -> Any:
     """Return the specification of a document that was read from ``source``."""
+    folder = source.parent if isinstance(source, Path) else Path()
+    for nested in root.iterfind("asset/model"):  # opened before the specification has a folder
+        nested.set("file", str(folder.resolve() / nested.get("file", "")))
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     if isinstance(source, Path):
-        spec.modelfiledir = str(source.parent)
+        spec.modelfiledir = str(folder)
     return spec
 
 
