@@ -422,6 +422,7 @@ def test_a_frame_of_the_file_that_disagrees_is_left_alone() -> None:
 def test_a_link_of_both_sides_is_no_foot() -> None:
     """As NAO's LFootBumperRight, the right bumper of the left foot."""
     assert foot_of("LFootBumperLeft_frame") == foot_of("r2/left_foot") == "left"
+    assert foot_of("r1_left_foot") == foot_of("R_LeftAnkle") == "left"
     assert foot_of("LFootBumperRight_frame") is foot_of("r2/foot") is None
 
 
