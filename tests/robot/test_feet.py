@@ -419,6 +419,17 @@ def test_a_frame_of_the_file_that_disagrees_is_left_alone() -> None:
     np.testing.assert_allclose(s.position("left_sole_centre"), [0.02, 0.1, -0.56], atol=1e-12)
 
 
+def test_frames_of_the_file_with_both_names_of_a_sole_are_left_alone(tmp_path: Path) -> None:
+    extra = fixed_frame("left_sole", "0 0 -0.06")
+    extra += fixed_frame("left_sole_centre", "0 0 -0.05")
+    robot = Robot.load(legged(tmp_path, extra=extra))
+    frame = robot.feet["left"].frame
+    assert frame == "left_sole_centre_centre"
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.position(frame), [0.02, 0.1, -0.56], atol=1e-12)
+    assert s.position("left_sole_centre")[2] > -0.56 + 1e-3
+
+
 def test_a_link_of_both_sides_is_no_foot() -> None:
     """As NAO's LFootBumperRight, the right bumper of the left foot."""
     assert foot_of("LFootBumperLeft_frame") == foot_of("r2/left_foot") == "left"

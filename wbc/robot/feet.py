@@ -220,10 +220,9 @@ def _sole_frame(
     model: pin.Model, name: str, parent: pin.Frame, placement: pin.SE3, polygon: Array
 ) -> tuple[str, Array, list[str]]:
     """Return the name of a frame at the sole and the polygon in it, adding the frame if needed."""
-    wanted, notes = f"{name}_sole", list[str]()
-    for frame in model.frames:
-        if frame.name != wanted:
-            continue
+    wanted, notes, table = f"{name}_sole", list[str](), frame_table(model)
+    while wanted in table:
+        frame = model.frames[table[wanted]]
         offset = frame.placement.actInv(placement)
         near = float(np.linalg.norm(offset.translation)) < SAME_ORIGIN
         level = float(np.linalg.norm(pin.log3(offset.rotation))) < SAME_TILT
@@ -233,7 +232,6 @@ def _sole_frame(
             return wanted, moved[:, :2].copy(), notes
         notes = [f"frame {wanted!r} is not in the middle of the sole; see {wanted}_centre"]
         wanted = f"{wanted}_centre"
-        break
     frame = pin.Frame(wanted, parent.parentJoint, 0, placement, pin.FrameType.OP_FRAME)
     model.addFrame(frame, False)
     return wanted, polygon, notes
