@@ -184,9 +184,9 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     still = unactuated_joints(part)
     if still is None and looped:
         notes += ("the file has no motors: here each joint has one, but for unactuated=[...]",)
-    here = "none does here" if looped else "here each joint has one, but for unactuated=[...]"
+    here = "none does here, unless" if looped else "here each joint has one, but for"
     left = [name for name in still or () if name not in following]
-    notes += noted(f"no motor of the file drives {{}}; {here}", left)
+    notes += noted(f"no motor of the file drives {{}}; {here} unactuated=[...]", left)
     pulls = _motors(mujoco, model)
     one_way = [names.joints[j] for j in sorted(driven) if _is_one_way(model, pulls[j], j)]
     notes += noted(
