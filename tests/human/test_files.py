@@ -858,6 +858,7 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
     for parts, words in (
         ({"root_orient": poses[:5, :3], "pose_body": poses[:, 3:]}, "differ in length"),
         ({"poses": poses[:, :60]}, r"poses have shape \(9, 60\)"),
+        ({"q": poses}, "no array poses, nor root_orient and pose_body: no human's"),
         *(
             ({"poses": np.ones((9, 24, *shape))}, "not matrices or quat")
             for shape in ((3, 3), (4,))

@@ -84,7 +84,8 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
             raise RecordingError("root_orient and pose_body differ in length", source)
         poses = np.hstack(parts)
     else:
-        raise RecordingError("it has no array poses", source)
+        what = "it has no array poses, nor root_orient and pose_body: no human's pose parameters"
+        raise RecordingError(f"{what}, as SMPL, AMASS and SMPL-X have them", source)
     if poses.ndim != 2 or poses.shape[1] < 66:
         raise RecordingError(f"poses have shape {poses.shape}; expected (n, 66 or more)", source)
     rate = next((arrays[name].ravel() for name in RATES if name in arrays), np.zeros(0))
