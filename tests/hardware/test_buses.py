@@ -1,11 +1,14 @@
 """Messages of both buses: fields, sums, damage, order; and what needs no bus: logs, ROS fields."""
 
+import errno
+import itertools
 import socket
 import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -115,6 +118,16 @@ def test_udp_takes_each_command_once_and_the_newest_reading(reading, command: Co
     for ask in (robot.receive, bus.read):
         with pytest.raises(BusError, match="it is closed"):
             ask()
+
+
+@pytest.mark.parametrize("always", [OSError(errno.ENETDOWN, "network is down"), b"flood"])
+def test_a_loop_goes_on_beside_a_network_that_is_down_or_floods(always: object) -> None:
+    """It read until nothing waited, for ever."""
+    bus = UdpBus(N, port=0)
+    bus.close()
+    answers = SimpleNamespace(fileno=lambda: 7, recv=Mock(side_effect=itertools.repeat(always)))
+    bus._socket = answers  # type: ignore[assignment]
+    assert bus.read() is None
 
 
 def test_a_sender_that_was_begun_again_is_heard_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

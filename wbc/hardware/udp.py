@@ -28,6 +28,8 @@ _MAGIC = b"wbc1"
 _READING, _COMMAND = 1, 2
 _FLAG, _TRUTH = 1, 2
 _MAX_PACKET = 65536
+# Packets that are read at once: neither more of them nor lasting errors hold a loop up.
+_MAX_WAITING = 1024
 
 
 def pack_reading(reading: Reading) -> bytes:
@@ -196,16 +198,17 @@ def _port(number: int) -> int:
 
 
 def _receive_all(own: socket.socket) -> list[bytes]:
-    """Return the waiting packets; errors of an absent receiver are ignored."""
+    """Return the waiting packets; errors, as of an absent receiver, are ignored."""
     packets = list[bytes]()
-    while True:
+    for _ in range(_MAX_WAITING):
         try:
             packets.append(own.recv(_MAX_PACKET))
         except BlockingIOError:
-            return packets
+            break
         except OSError as error:
             if own.fileno() < 0:
                 raise BusError("UDP bus: it is closed; open another") from error
+    return packets
 
 
 def _send(own: socket.socket, packet: bytes, to: tuple[str, int]) -> None:
