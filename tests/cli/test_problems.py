@@ -82,6 +82,27 @@ def test_check_names_every_mistake_and_runs_nothing(tmp_path: Path) -> None:
     assert "tasks.com.weight" in answer.stderr
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "motion: walk.trc\nrobot: g1\n",
+            "is a human's motion for a robot, not a problem: wbc ret",
+        ),
+        ("problems: [a.yaml]\n", "is a campaign of problems, not a problem: wbc batch"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["check", "run"])
+def test_files_of_other_commands_are_told_from_problems(
+    text: str, said: str, verb: str, tmp_path: Path
+) -> None:
+    """Their keys were unknown: motion, did you mean 'simulation'?"""
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    answer = wbc_command(verb, path)
+    assert answer.exit_code and said in answer.stderr and answer.stderr.count("\n") == 1
+
+
 def test_stdin_is_a_problem_file(tmp_path: Path) -> None:
     text = (PROBLEMS / "shape_standing_g1.yaml").read_text()
     short = ("--set", "stop.duration=0.02", "--set", "tasks.shape.ramp=null", "-q")

@@ -276,7 +276,7 @@ def load_problem(
     check_path("load_problem", path)
     overrides = dict(by_name("load_problem, overrides", {} if overrides is None else overrides))
     source = read_source(Path(path))
-    refuse_result(source)
+    refuse_other_files(source)
     return problem_of(source, overrides)
 
 
@@ -297,14 +297,22 @@ def problem_of(source: Source, overrides: Mapping[str, Any]) -> Problem | Pendul
     return _unpickled(source, overrides)
 
 
-def refuse_result(source: Source) -> None:
-    """Raise if the file is a result that wbc wrote, not a problem.
+def refuse_other_files(source: Source) -> None:
+    """Raise if the file is a result that wbc wrote, or for another command, not a problem.
 
     Raises
     ------
     ProblemFileError
-        With the command that reads results.
+        With the command that reads it.
     """
+    for key, what, command in (
+        ("problems", "a campaign of problems", "batch"),
+        ("motion", "a human's motion for a robot", "retarget"),
+    ):
+        if key in source.data and "tasks" not in source.data:
+            raise ProblemFileError(
+                f"{source.name}: is {what}, not a problem: wbc {command} {quote(source.name)}"
+            )
     kind = source.data.get("format", source.data.get("kind"))
     if not isinstance(kind, str) or ("status" not in source.data and "maps" not in source.data):
         return
