@@ -356,6 +356,17 @@ def test_legs_called_left_and_right_are_no_corners(left: str, right: str) -> Non
     assert standing.position("left_sole")[1] > 0.05 > -0.05 > standing.position("right_sole")[1]
 
 
+def test_ends_of_legs_on_the_sides_they_are_not_called_are_no_guess() -> None:
+    """As of a base whose x axis points backwards; with the feet given it is turned."""
+    swapped = {"left": "right", "right": "left"}
+    text = re.sub("left|right", lambda side: swapped[side[0]], biped(FOOT, end="{0}_leg_6"))
+    robot = Robot.load(text)
+    assert not robot.feet
+    assert any("not on the sides they are called" in note for note in robot.notes)
+    robot = Robot.load(text, feet={side: {"link": f"{side}_leg_6"} for side in LEFT_RIGHT})
+    assert robot.snapshot(robot.posture()).position("left_sole")[1] > 0.05
+
+
 def test_feet_without_a_side_or_shapes_are_told_as_such() -> None:
     text = biped("", end="foot_{0}").replace("foot_left", "foot_1").replace("foot_right", "foot_2")
     (note,) = [note for note in Robot.load(text).notes if "no feet" in note]
