@@ -409,8 +409,8 @@ def _lowest_pair(
     if apart.max() > MIRRORED or abs(soles[0][2] - soles[1][2]) > SAME_HEIGHT:
         return {}, f"{lowest}, are not one the other's mirror image"
     left = int(soles[1][1] > soles[0][1])
-    found = {"left": names[left], "right": names[1 - left]}
-    called = [{side for side in SIDES if words_of(found[foot]) & SIDES[side]} for foot in SIDES]
+    feet = {"left": names[left], "right": names[1 - left]}
+    called = [{side for side in SIDES if words_of(feet[foot]) & SIDES[side]} for foot in SIDES]
     if called == [{"right"}, {"left"}]:
         return {}, f"{lowest}, are not on the sides they are called: its x axis may point backwards"
-    return found, ""
+    return feet, ""
