@@ -73,6 +73,12 @@ def test_what_is_no_configuration_is_refused(tmp_path: Path, content: str, said:
         load(tmp_path, content)
 
 
+def test_a_urdf_is_no_srdf(tmp_path: Path) -> None:
+    """It was read as one that says nothing."""
+    with pytest.raises(ModelError, match="is it the URDF itself"):
+        load(tmp_path, '<link name="base"/>' + state("home", "all", j1=0.5))
+
+
 def test_a_continuous_joint_takes_one_value_or_two(tmp_path: Path) -> None:
     for value in ("0.6435011087932844", "0.8 0.6"):
         robot = load(tmp_path, state("home", "a", spin=value))

@@ -76,6 +76,8 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     root = read_xml(path)
     if root.tag != "robot":
         raise ModelError(f"{path}: the root element is <{root.tag}>; an SRDF begins with <robot>")
+    if root.find("link") is not None:
+        raise ModelError(f"{path}: an SRDF has no <link>; is it the URDF itself?")
     refuse_macros(root, path)
     states = dict[str, dict[str, tuple[float, ...]]]()
     contradicted = dict[str, list[str]]()
