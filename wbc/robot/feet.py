@@ -37,7 +37,8 @@ class FootSpec:
         The foot's link, or any frame fixed to it.
     polygon:
         Corners (k, 2) of the sole [m] in the x-y plane of that frame, whose z axis must point up;
-        their convex hull is used. Without it the sole is found from the collision shapes.
+        their convex hull is used. Without it the sole is found from the collision shapes, or from
+        those to draw of a body that has no others.
     height:
         How far the frame's origin is above the sole [m]; used with ``polygon`` only.
     """
