@@ -1,6 +1,7 @@
 """Feet as robots of others have them: drawn off level, on wheels, with frames at heel and toe."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
