@@ -205,6 +205,18 @@ def test_joints_are_at_the_motors_that_unitree_numbers(g1: Robot, command: Comma
     assert convert.command.motor_values(data, "mode").tolist() == [1] * 29 + [0] * 6
 
 
+def test_a_motor_is_as_warm_as_the_warmer_of_its_housing_and_winding(
+    g1: Robot, reading: Reading
+) -> None:
+    convert = Converter(profile_named("unitree_g1"), g1)
+    data = convert.low_state(reading)
+    convert.state.view(data, "motor_state.3.temperature")[:] = 60, 110
+    convert.state.view(data, "motor_state.4.temperature")[:] = 110, 60
+    convert.state.seal(data)
+    back = convert.reading(bytes(data))
+    assert back is not None and back.temperature[3:5].tolist() == [110.0, 110.0]
+
+
 @pytest.mark.slow
 def test_dds_takes_each_command_once_and_the_newest_reading(g1, reading, command) -> None:
     pytest.importorskip("cyclonedds")

@@ -52,7 +52,7 @@ IMU_STATE_HG = (
 MOTOR_STATE_HG = (
     Field("mode", "u1"),
     *(Field(name, "f4") for name in ("q", "dq", "ddq", "tau_est")),
-    Field("temperature", "i2", 2),
+    Field("temperature", "i2", 2),  # of the housing, and of the winding
     Field("vol", "f4"),
     Field("sensor", "u4", 2),
     Field("motorstate", "u4"),
@@ -169,18 +169,18 @@ class MessageLayout:
     def _motor_index(self, name: str) -> tuple[NDArray[np.int64], str]:
         places = [self._cdr[f"{self.motors}.{k}.{name}"] for k in range(self.count)]
         _, kind, _ = places[0]
-        width = np.dtype(kind).itemsize
+        width = np.dtype(kind).itemsize * places[0][2]
         return np.array([[p[0] + b for b in range(width)] for p in places]), kind
 
     def motor_values(self, data: bytes | bytearray, name: str) -> NDArray[Any]:
-        """Return a field of all motors (count,); the first entry of a field with several."""
+        """Return a field of all motors (count,); the largest entry of a field with several."""
         index, kind = self._motor_index(name)
-        return np.frombuffer(data, np.uint8)[index].view(kind)[:, 0]
+        return np.asarray(np.frombuffer(data, np.uint8)[index].view(kind).max(axis=1))
 
     def set_motor_values(self, data: bytearray, name: str, values: NDArray[Any]) -> None:
-        """Write a field of all motors (count,)."""
+        """Write a field of all motors (count,); into all entries of a field with several."""
         index, kind = self._motor_index(name)
-        given = np.ascontiguousarray(values, dtype=kind)
+        given = np.repeat(np.asarray(values, dtype=kind), index.shape[1] // np.dtype(kind).itemsize)
         np.frombuffer(data, np.uint8)[index] = given.view(np.uint8).reshape(index.shape)
 
     def crc(self, data: bytes | bytearray) -> int:
