@@ -10,7 +10,7 @@ static const double STILL =
 
 int wbc_estimator_sizes(const wbc_estimator *e, int64_t *sizes) {
     const int64_t n = e->tree->nv - 6, imus = e->imus, feet = e->feet;
-    sizes[0] = 3 + e->window * (n + 1) + n + 7 * imus + feet * (3 + feet);
+    sizes[0] = 10 + e->window * (n + 1) + n + 7 * imus + feet * (3 + feet);
     sizes[1] = FEET_STAND + 4 * feet + 2 * imus + n;
     sizes[2] = e->waiting * WAIT_SIZE(n, imus, feet);
     sizes[3] = 2 * (4 * imus + n + 2 * feet + 3);
@@ -26,7 +26,8 @@ wbc_memory wbc_memory_of(const wbc_estimator *e) {
     m.usual = m.lost_since + 1, m.times = m.usual + 1, m.positions = m.times + e->window;
     m.believed = m.positions + e->window * n;
     m.heard = m.believed + n, m.last = m.heard + imus;
-    m.since = m.last + 6 * imus, m.moves = m.since + feet, m.pace = m.moves + feet, m.apart = m.pace + feet;
+    m.held = m.last + 6 * imus, m.since = m.held + 7, m.moves = m.since + feet, m.pace = m.moves + feet,
+    m.apart = m.pace + feet;
     m.counts = e->counts;
     m.stands = m.counts + FEET_STAND, m.slips = m.stands + feet, m.bears = m.slips + feet;
     m.strikes = m.bears + feet, m.has = m.strikes + feet, m.same = m.has + imus, m.distrusted = m.same + imus;
@@ -116,7 +117,7 @@ static int process(const wbc_estimator *e, const wbc_memory *m, const wbc_sample
         switch_imu(e, m, leader, members);
     }
     wbc_read_joints(e, m, s, dt, positions, rates);
-    if (dt > 0.0) wbc_filter_predict(e->filter, now.rate, now.force, dt, now.scale);
+    if (dt > 0.0) wbc_filter_predict(e->filter, now.mean, now.mean + 3, dt, now.scale);
     if (dt > e->lost && dt > 2.0 * *m->usual) wbc_release_feet(e, m);
     wbc_place_frames(e, m, positions);
     status = wbc_update_feet(e, m, s, now.rate, rates, standing, out + OUT_SQUARED);

@@ -8,6 +8,7 @@ typedef struct {
     double *time, *lost_since, *usual;    /* of messages: time of the last one, and the usual interval */
     double *times, *positions, *believed; /* (window), (window, n), (n) of joints */
     double *heard, *last;                 /* (imus), (imus, 6) */
+    double *held;                         /* (7) since the last reading: time, integrals of rate and force held */
     double *since, *moves, *pace, *apart; /* (feet), the last (feet, feet) */
     int64_t *counts;
     int64_t *stands, *slips, *bears, *strikes; /* (feet) */
@@ -15,9 +16,9 @@ typedef struct {
     int64_t *distrusted;                       /* (n) */
 } wbc_memory;
 
-/* The filter's input over one period. */
+/* The filter's input over one period: the reading in use, what to predict by, and its variance by a reading's. */
 typedef struct {
-    double rate[3], force[3], scale;
+    double rate[3], force[3], mean[6], scale;
 } wbc_inertial;
 
 /* Size of one message stored before the estimate begins. */

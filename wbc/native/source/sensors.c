@@ -137,14 +137,29 @@ static void replace_silent_imus(const wbc_estimator *e, const wbc_memory *m, int
     wbc_report(e, TAKES_OVER, silent * MOST_IMUS + *leader, 1e3 * (time - m->heard[silent]));
 }
 
+/* Write what to predict by over dt. A slow IMU's reading is the mean since its last one, which was held meanwhile: it
+ * makes up for what both differ by. */
+static void make_up(const wbc_memory *m, double dt, int silent, const double *reading, double *mean) {
+    double *held = m->held;
+    memcpy(mean, reading, 6 * sizeof *mean);
+    for (int i = 0; i < 6; i++) {
+        if (silent) held[1 + i] += dt * reading[i];
+        else if (held[0] > 0.0) mean[i] += (held[0] * reading[i] - held[1 + i]) / dt;
+    }
+    held[0] += dt;
+    if (!silent) memset(held, 0, 7 * sizeof *held);
+}
+
 int wbc_read_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, wbc_inertial *found) {
     double before[MOST_IMUS];
     memcpy(before, m->heard, e->imus * sizeof *before);
-    const int64_t now = accepted_imus(e, m, s);
+    const int64_t now = accepted_imus(e, m, s), led = m->counts[LEADER], were = m->counts[MEMBERS];
     replace_silent_imus(e, m, now, s->time);
     const int64_t leader = m->counts[LEADER], members = m->counts[MEMBERS];
     int64_t speaking = 0, count = 0;
+    int broken = leader != led || members != were; /* what was held is not what the reading makes up for */
     double latest = -INFINITY, previous = -INFINITY, mean[6];
+    for (int64_t k = 0; k < e->imus; k++) broken |= s->heard[k] && HAS(members & ~now, k); /* a refused one */
     for (int64_t k = 0; k < e->imus; k++)
         if (HAS(members, k) && m->has[k]) {
             speaking |= (int64_t)1 << k, count++;
@@ -159,6 +174,8 @@ int wbc_read_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample 
     memcpy(found->force, mean + 3, sizeof found->force);
     found->scale = (now & members ? 1.0 : GUESSED) / (double)count;
     const double gap = s->time - previous - (QUIET > 2.0 * *m->usual ? QUIET : 2.0 * *m->usual);
+    if (broken || gap > ROUNDING) memset(m->held, 0, 7 * sizeof *m->held);
+    make_up(m, s->time - *m->time, !broken && !(now & members), mean, found->mean);
     if (!(gap > ROUNDING)) return DONE;
     if (now & members) wbc_report(e, GAP, leader, 1e3 * (s->time - previous));
     if (e->filter->accelerometer > 0.0) found->scale += STRAYS * STRAYS * gap / e->filter->accelerometer;
