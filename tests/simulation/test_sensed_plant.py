@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests import urdf
 from tests.simulation.idle import idle
 from tests.standing import standing, torque_controller
 from wbc.errors import InvalidInputError, ProblemFileError
@@ -101,6 +102,23 @@ def test_devices_measure_as_they_are_said_to(hoap2: Robot) -> None:
             wrong()
     with pytest.raises(InvalidInputError, match="bus, loss"):
         MessageBus(loss=1.0)
+
+
+def test_late_encoders_of_a_joint_that_goes_round_and_round_are_between_two_readings() -> None:
+    """Between 3.13 and -3.13 rad, one encoder said 0."""
+    joint = urdf.joint("j", "root", "wheel", kind="continuous")
+    robot = Robot.load(urdf.robot("spinning", urdf.link("root"), urdf.link("wheel"), joint))
+    plant, v = Plant(robot, gravity=(0.0, 0.0, 0.0)), np.zeros(robot.nv)
+    v[6:] = 2.5
+    plant.reset(robot.posture("neutral"), v)
+    sensing = Sensing(plant, Devices(encoders=Encoders(resolution=0.0, delay=0.003)))
+    said = []
+    for _ in range(900):
+        sensing.read(plant)
+        said += [m.positions[0] for m in sensing.received(plant.time)]
+        plant.step(np.zeros(1))
+    assert max(said) > 3.1 and min(said) < -3.1
+    np.testing.assert_allclose(np.diff(np.unwrap(said))[2:], 2.5 * plant.dt, atol=1e-9)
 
 
 def test_motor_currents_tell_the_torques_that_act(hoap2: Robot) -> None:

@@ -155,4 +155,6 @@ class Sensing:
         if time_read <= t or not rest:
             return p, r
         share = (time_read - t) / (rest[0][0] - t)
-        return p + share * (rest[0][1] - p), r + share * (rest[0][2] - r)
+        moved, around = rest[0][1] - p, list(self._robot.limits.unbounded)
+        moved[around] -= 2.0 * np.pi * np.round(moved[around] / (2.0 * np.pi))
+        return p + share * moved, r + share * (rest[0][2] - r)
