@@ -124,6 +124,25 @@ def test_what_begins_now_may_be_told_by_the_clock() -> None:
             act("base", np.ones(size), start=0.005)
 
 
+@pytest.mark.parametrize("also", ["push", "latency"])
+def test_forces_that_a_user_gives_mujoco_act_beside_pushes_and_delays(also: str) -> None:
+    """A push, a wrench or a latency removed them, in silence."""
+    robot, ends = load("hoap2_like"), list[np.ndarray]()
+    q = robot.posture("standing")
+    q[2] = 30.0
+    for sensors in (Sensors(), Sensors(latency=0.002 * (also == "latency"))):
+        plant = Plant(robot, sensors=sensors, gravity=(0.0, 0.0, 0.0))
+        plant.reset(q)
+        plant.data.xfrc_applied[1] = 3.0, 2.0, 1.0, 0.1, 0.2, 0.3
+        if also == "push" and ends:
+            plant.push("base", (0.0, 0.0, 0.0), duration=0.03)
+        for _ in range(30):
+            plant.step(np.zeros(robot.nv - 6))
+        ends.append(np.concatenate(plant.state()))
+    np.testing.assert_array_equal(*ends)
+    assert np.linalg.norm(ends[0][robot.nq :]) > 0.01
+
+
 def test_a_push_beside_the_com_turns_the_robot() -> None:
     plant = in_the_air(load("hoap2_like"))
     point, s = np.array([0.0, 0.05, 0.02]), plant.snapshot()

@@ -33,7 +33,7 @@ class Gantry:
         self._anchor: tuple[Array, Array] | None = None  # place and rotation
 
     def pull(self, plant: Plant, q: Array, v: Array) -> None:
-        """Pull in the next step of the physics, unless the robot is pushed meanwhile."""
+        """Pull in the next step of the physics."""
         tension = 1.0 - (float(q[2]) - self.height) / SLACK_HEIGHT
         wrench = plant.data.xfrc_applied[BASE_BODY]
         if tension <= 0.0:

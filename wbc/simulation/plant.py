@@ -377,9 +377,11 @@ class Plant(DeclaredAttributes):
         if not self._commands:  # the first since the reset
             self._commands.extend([torque] * self._latency)
         self._commands.extend([torque] * count)
+        own = data.xfrc_applied.copy()  # that a user, or a gantry, wrote
         for _ in range(count):
             mujoco.mj_step1(model, data)
             self.states.torques_to_mujoco(self._commands.popleft(), data.qfrc_applied)
+            data.xfrc_applied[:] = own
             acts: list[Push | AppliedWrench] = [*self.pushes, *self.wrenches]
             self.push_force = apply(acts, self.robot, self._compiled.bodies, data, self.physics_dt)
             if self._drift is not None:
@@ -389,7 +391,7 @@ class Plant(DeclaredAttributes):
         now = self.time + 1e-9
         self.pushes = [push for push in self.pushes if push.end > now]
         self.wrenches = [wrench for wrench in self.wrenches if wrench.end > now]
-        data.xfrc_applied[:] = 0.0
+        data.xfrc_applied[:] = own
 
     # ------------------------------------------------------------------ what is felt
 

@@ -75,7 +75,7 @@ def apply(
     data: Any,
     dt: float,
 ) -> Array:
-    """Write the mean wrenches over ``dt`` from now into MuJoCo's data.
+    """Add the mean wrenches over ``dt`` from now to those in MuJoCo's data.
 
     Returns the sum of the pushes' forces (3,) [N].
 
@@ -84,7 +84,6 @@ def apply(
     bodies:
         MuJoCo's body of each Pinocchio joint.
     """
-    data.xfrc_applied[:] = 0.0
     push_force = np.zeros(3)
     for one in active:
         force, moment = np.split(one.mean(float(data.time), dt), 2)
