@@ -69,6 +69,16 @@ def test_the_answer_is_that_of_the_qp_with_slacks(seed: int) -> None:
     np.testing.assert_allclose(found.z, other.z, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_the_answer_does_not_depend_on_the_unit_of_the_cost(seed: int) -> None:
+    """As of a heavy task: residuals in the cost's large numbers were taken for no answer."""
+    rng = np.random.default_rng(seed)
+    qp, weights = giving_qp(rng, 20, 2, 40, soft=0.5)
+    heavy = ActiveSet().solve_soft(qp._replace(P=1e9 * qp.P, g=1e9 * qp.g), 1e9 * weights)
+    assert heavy.solved
+    np.testing.assert_allclose(heavy.x, ActiveSet().solve_soft(qp, weights).x, atol=1e-7)
+
+
 def test_rows_give_way_by_their_weights() -> None:
     """Two rows that contradict each other share by their weights; a hard one does not."""
     C, u = np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])  # x <= -1, x >= 1

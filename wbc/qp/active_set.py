@@ -88,7 +88,7 @@ class ActiveSet:
         weights:
             (mi,) of 1/2 slack^2, infinite for hard rows.
         eps:
-            Accuracy, if not the promised one.
+            Accuracy, if not the promised one; absolute then, however large the QP's numbers are.
 
         Returns
         -------
@@ -113,7 +113,7 @@ class ActiveSet:
     def _solve(
         self, qp: QP, give: Array | None, start: float, quick: bool, eps: float | None = None
     ) -> Solution:
-        eps = self.eps if eps is None else eps
+        absolute, eps = eps is not None, self.eps if eps is None else eps
         found = solve_in_core(qp, eps, self.max_iterations, give)
         if found.status == DONE:
             return _solution(found, Status.SOLVED, start)
@@ -123,14 +123,17 @@ class ActiveSet:
                 nowhere = found._replace(x=np.full(qp.g.size, np.nan), residuals=NO_RESIDUALS)
                 return _solution(nowhere, Status.INFEASIBLE, start, conflict)
         conflict = None
+        check = SolveCheck(NAME, eps, start, explain=False)
+        raw, solution = None, None
+        if found.iterations >= 0 and not absolute:  # else nothing was written: what the memory held
+            raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
+            # Relative to the QP's numbers it may be accurate. With its slacks a soft row's ends
+            # are those of a hard one.
+            slack = 0.0 if give is None else give * raw.z
+            solution = check.accept(qp._replace(l=qp.l + slack, u=qp.u + slack), raw)
+        if solution is not None:
+            return solution
         if give is None:
-            check = SolveCheck(NAME, eps, start, explain=False)
-            raw, solution = None, None
-            if found.iterations >= 0:  # else nothing was written: what the memory held
-                raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
-                solution = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
-            if solution is not None:
-                return solution
             conflict = None if quick else find_conflict(qp)
             solution = None if conflict else self._less_accurate(qp, check, raw)
             if solution is not None:
