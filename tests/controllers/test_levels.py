@@ -7,7 +7,9 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.controllers.core_memory import INFEASIBLE, CoreMemory
 from wbc.controllers.outcome import Outcome
+from wbc.controllers.tick import Tick
 from wbc.qp import QP, Status
 from wbc.qp.active_set import ActiveSet
 from wbc.robot.tree import LARGEST
@@ -77,6 +79,34 @@ def test_a_level_that_takes_everything_leaves_the_next_nothing(hoap2) -> None:
     tick = KinematicController(hoap2, [*everything, last], limits=Limits(hoap2)).step(here)
     assert tick.ok
     np.testing.assert_allclose(tick.velocity, alone.velocity, atol=1e-9)
+
+
+def test_the_command_is_that_of_the_last_level_solved(hoap2, monkeypatch) -> None:
+    """Where the third has no solution its attempt was commanded, at 293 m/s in one tick."""
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    tasks = [
+        ComTask(hoap2, here.com + [0.01, 0.0, 0.0]),
+        PositionTask(hoap2, "left_palm", here.position("left_palm") + 0.1, priority=1),
+        PostureTask(hoap2, hoap2.posture("neutral"), priority=2),
+    ]
+
+    def tick(tasks) -> Tick:
+        limits = Limits(hoap2, braking="bounded")  # level by level
+        return KinematicController(hoap2, tasks, contacts=(), limits=limits).step(here)
+
+    expected, solve = tick(tasks[:2]), CoreMemory.solve_level
+
+    def fails(memory: CoreMemory, level: int) -> int:
+        if level < 2:
+            return solve(memory, level)
+        memory.below += 1.0  # an attempt that came to nothing
+        return INFEASIBLE
+
+    assert np.abs(tick(tasks).velocity - expected.velocity).max() > 0.01
+    monkeypatch.setattr(CoreMemory, "solve_level", fails)
+    last = tick(tasks)
+    np.testing.assert_allclose(last.velocity, expected.velocity, atol=1e-9)
+    assert last.left_out == ("level 2: posture",)
 
 
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])

@@ -118,12 +118,14 @@ class Levels:
         """Modify and solve level by level; return the core's status at the first."""
         memory = core.memory
         for level in range(len(self._plan.levels)):
-            if level and memory.pose_level(level) != DONE:
-                break
-            if self.modifies_qps:
+            above = memory.below.copy() if level > 1 else None  # a level overwrites that above it
+            posed = level == 0 or memory.pose_level(level) == DONE
+            if posed and self.modifies_qps:
                 self._modify_qp(core, core_tick, level, snapshot)
-            if core.solve_level(core_tick, level):
+            if posed and core.solve_level(core_tick, level):
                 continue
+            if above is not None:
+                memory.below[:] = above
             if level:
                 break
             status = memory.status if core.solves else None
