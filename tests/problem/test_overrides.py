@@ -140,3 +140,11 @@ def test_paths_that_lead_nowhere(path: str, words: str) -> None:
     message = refusal({path: 1})
     assert message.startswith("--set ")
     assert words in message
+
+
+def test_a_section_that_an_override_made_is_not_looked_for_in_the_file() -> None:
+    """The line of another key was named."""
+    source = overridden({"simulation.foo.bar": 3, "tasks.com.gain": 0.1})
+    for made in ("simulation", "simulation.foo", "simulation.foo.bar"):
+        assert source.where(parse_path(made)) == "--set simulation.foo.bar"
+    assert source.where(parse_path("tasks")).startswith("p.yaml:")

@@ -74,6 +74,10 @@ class Source:
 
     def where(self, path: KeyPath) -> str:
         """Return where a value was written: ``file.yaml:12`` or ``--set tasks.com.gain``."""
+        if path not in self.lines:  # what an override made on the way to its key
+            for given, label in self.overridden.items():
+                if given[: len(path)] == path:
+                    return label
         prefixes = [path[:size] for size in range(len(path), -1, -1)]
         for prefix in prefixes:
             if prefix in self.overridden:
