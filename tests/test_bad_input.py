@@ -54,8 +54,9 @@ class Nothing(Constraint):
 class Unmade(Task):
     """Forgets to call Task.__init__."""
 
-    def __init__(self) -> None:
+    def __init__(self, **attributes: Any) -> None:
         self.name = "unmade"
+        vars(self).update(attributes)
 
     def residual(self, snapshot: Snapshot) -> Any:
         return None
@@ -142,6 +143,10 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
         "a Nothing has no name",
     ),
     "an unmade task": (lambda r: controller(r, tasks=[Unmade()]), "Unmade has no robot.*super"),
+    "a task with a robot alone": (
+        lambda r: controller(r, tasks=[Unmade(robot=r)]),
+        "Unmade has no rows; write super",
+    ),
     "an unmade task for torques": (
         lambda r: TorqueController(r, [Unmade()], contacts=()),
         "Unmade has no robot.*super",

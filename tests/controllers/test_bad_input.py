@@ -59,7 +59,7 @@ def made(tasks: Any = (CALM,), **parts: Any) -> KinematicController:
 
 
 BAD: dict[str, tuple[Callable[[], Any], str]] = {
-    "a support mode": (lambda: made(contacts="double"), "makes contacts"),
+    "a support mode": (lambda: made(contacts="double"), "list of Contact obj.*makes contacts"),
     "words": (lambda: made(constraints=["x"]), "the list has 'x'"),
     "one task": (lambda: made(CALM), "expected a list, got one"),
     "another robot of the same name": (

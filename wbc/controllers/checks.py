@@ -262,10 +262,11 @@ def check_parts(
         raise InvalidInputError("controller: no task given; there is nothing to do")
     parts: list[Task | Constraint | Limits] = [*tasks, *contacts, *constraints]
     for part in [*parts, *([limits] if limits else [])]:
-        if getattr(part, "robot", None) is None:
+        missing = "robot" if getattr(part, "robot", None) is None else "rows"
+        if missing == "robot" or (isinstance(part, Task) and not hasattr(part, "rows")):
             how = "super().__init__(robot, ...)" if isinstance(part, Task) else "self.robot = robot"
             raise InvalidInputError(
-                f"controller: a {type(part).__name__} has no robot; call {how} when it is made"
+                f"controller: a {type(part).__name__} has no {missing}; write {how} in its __init__"
             )
         if part.robot is not robot:
             raise InvalidInputError(f"controller: {part!r} was made for another robot object")
@@ -337,7 +338,7 @@ def validate_returns(
 
 def check_list(kind: str, given: Any, wanted: type) -> None:
     """Raise InvalidInputError if ``given`` is not a list of parts."""
-    what = "Task objects" if wanted is Task else "Constraint objects"
+    what = "Contact objects" if kind == "contacts" else f"{wanted.__name__} objects"
     if isinstance(given, wanted):
         raise InvalidInputError(f"controller, {kind}: expected a list, got one; write [...]")
     hint = '; wbc.support(snapshot, "all") makes contacts' if kind == "contacts" else ""
