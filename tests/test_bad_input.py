@@ -28,6 +28,7 @@ from wbc.gait import Walker
 from wbc.problem import load_problem
 from wbc.qp.backend import make_backend
 from wbc.robot import Snapshot
+from wbc.robot.collision import Obstacle
 from wbc.tasks import (
     ComTask,
     DampingTask,
@@ -137,6 +138,10 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
     "overrides": (lambda r: load_problem("x.yaml", 3), "overrides: expected {name: value}"),
     "an override": (lambda r: load_problem("x.yaml", {3: 3}), "names as keys, got 3"),
     "obstacles": (lambda r: Obstacles(r, 3), "obstacles: expected a list of Obstacle"),
+    "a sphere's radius before its centre": (
+        lambda r: Obstacle.sphere("ball", 0.1, (0, 0, 1)),  # type: ignore[arg-type]
+        "sphere, centre",
+    ),
     "no robot": (lambda r: controller(r, constraints=[Nothing()]), "a Nothing has no robot"),
     "a nameless constraint": (
         lambda r: controller(r, constraints=[Nothing(robot=r)]),

@@ -121,6 +121,11 @@ def test_ctrl_c_while_a_compiled_package_loads_is_no_traceback(
     """Pybind11 makes an ImportError of it: one in 36 of `wbc check` ended so."""
     with pytest.raises(typer.Exit) as ended, errors_in_one_line():
         raise ImportError("initialization failed") from KeyboardInterrupt()
+    with pytest.raises(typer.Exit), errors_in_one_line():  # of a package that imports it
+        try:
+            raise ImportError("initialization failed") from KeyboardInterrupt()
+        except ImportError as error:
+            raise ImportError("initialization failed") from error
     assert ended.value.exit_code == 130 and "interrupted" in capsys.readouterr().err
     with pytest.raises(ImportError, match="no module"), errors_in_one_line():
         raise ImportError("no module") from None

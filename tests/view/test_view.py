@@ -204,6 +204,9 @@ def test_folders_and_unwritable_files(hoap2: Robot, run: Run, tmp_path: Path) ->
 def test_nothing_to_draw(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match="give at least one"):
         robot_figure(hoap2, {})
+    q: Any = hoap2.posture()
+    with pytest.raises(InvalidInputError, match=r'expected names, as in \{"start": q\}, got array'):
+        robot_figure(hoap2, q)  # numpy's "truth value of an array"
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -37,8 +37,11 @@ def errors_in_one_line() -> Iterator[None]:
         complain(refused(error))
         raise typer.Exit(BAD_INPUT) from None
     except (KeyboardInterrupt, ImportError) as error:
-        # Compiled packages that are interrupted while they load make an ImportError of it.
-        if isinstance(error, ImportError) and not isinstance(error.__cause__, KeyboardInterrupt):
+        # Compiled packages that are interrupted while they load make an ImportError of it, or two.
+        first: BaseException | None = error
+        while isinstance(first, ImportError):
+            first = first.__cause__
+        if not isinstance(first, KeyboardInterrupt):
             raise
         complain("interrupted")
         raise typer.Exit(INTERRUPTED) from None

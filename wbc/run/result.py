@@ -345,6 +345,7 @@ class Result:
             ("not kept", "; ".join(self.not_kept)),
             ("failed ticks", str(len(self.failures) or "")),
         ]
-        title = f"{self.status.value.replace('_', ' ')}: {self.reason}"
+        reach = f", {self.reach}" if self.reach else ""
+        title = f"{self.status.value.replace('_', ' ')}: {self.reason}{reach}"
         table = as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
         return with_picture(table, "wbc.view.run:run_figure", self.robot, self.history)

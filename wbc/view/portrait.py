@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.kinds import check_kind
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
@@ -89,6 +89,9 @@ def portraits_of(
     robot: Robot, configurations: Mapping[str, ArrayLike | Pose], view: View = DEFAULT
 ) -> list[Portrait]:
     """Return portraits by the names written above them; see :func:`wbc.view.robot_figure`."""
+    if not isinstance(configurations, Mapping):
+        got = shown(configurations)
+        raise InvalidInputError(f'configurations: expected names, as in {{"start": q}}, got {got}')
     if not configurations:
         raise InvalidInputError("configurations: there is none to draw; give at least one")
     meshes = RobotMeshes(robot)

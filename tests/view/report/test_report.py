@@ -175,6 +175,13 @@ def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
     assert (refused.exit_code, "written as .html" in refused.stderr) == (1, True)
 
 
+def test_an_inertia_that_is_not_reached_is_below_the_title(result: Result) -> None:
+    """ "Every tolerance met" was all that a report said, unlike the command line."""
+    said = {"reason": "at rest", "reach": "as far as its joints allow: shape 20 %"}
+    page = report_text(result.robot, result.history, result.summary() | said, "far")
+    assert "at rest, as far as its joints allow: shape 20 %" in page
+
+
 def test_a_run_of_one_tick_and_another_ending(result: Result, tmp_path: Path) -> None:
     one = SimpleNamespace(time=[0.0], q=result.history.q[:1], errors={})
     page = report_text(result.robot, one, {}, "one")

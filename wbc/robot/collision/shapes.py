@@ -28,13 +28,15 @@ class Capsule:
     @classmethod
     def of(cls, start: ArrayLike, end: ArrayLike, radius: float) -> Capsule:
         """Return a checked capsule."""
-        ends = [finite_array("capsule, end", point, (3,)) for point in (start, end)]
+        ends = [finite_array(f"capsule, {name}", point, (3,))
+                for name, point in (("start", start), ("end", end))]  # fmt: skip
         return cls(np.stack(ends), finite_number("capsule, radius", radius, least=0.0))
 
     @classmethod
     def sphere(cls, centre: ArrayLike, radius: float) -> Capsule:
         """Return a checked sphere."""
-        return cls.of(centre, centre, radius)
+        point = finite_array("sphere, centre", centre, (3,))
+        return cls.of(point, point, finite_number("sphere, radius", radius, least=0.0))
 
     def __post_init__(self) -> None:
         read_only(self.ends)

@@ -151,9 +151,10 @@ def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> st
     problem = summary.get("problem") or {}
     replaced = (problem.get("overrides") or {}).items()
     overrides = "".join(f"--set {name}={json.dumps(value)}\n" for name, value in replaced)
+    said = ("reason", "reach")
     texts = {
         "TITLE": html.escape(title),
-        "REASON": html.escape(str(summary.get("reason", ""))),
+        "REASON": html.escape(", ".join(str(summary[key]) for key in said if summary.get(key))),
         "TABLES": "\n".join(_tables(summary)),
         "PROBLEM": html.escape(str(problem.get("text", "not known"))),
         "OVERRIDES": html.escape(overrides),
