@@ -419,10 +419,10 @@ def test_a_frame_of_the_file_that_disagrees_is_left_alone() -> None:
     np.testing.assert_allclose(s.position("left_sole_centre"), [0.02, 0.1, -0.56], atol=1e-12)
 
 
-def test_frames_of_the_file_with_both_names_of_a_sole_are_left_alone(tmp_path: Path) -> None:
+def test_frames_of_the_file_with_both_names_of_a_sole_are_left_alone() -> None:
     extra = fixed_frame("left_sole", "0 0 -0.06")
     extra += fixed_frame("left_sole_centre", "0 0 -0.05")
-    robot = Robot.load(legged(tmp_path, extra=extra))
+    robot = Robot.load(legged(extra=extra))
     frame = robot.feet["left"].frame
     assert frame == "left_sole_centre_centre"
     s = robot.snapshot(robot.postures["neutral"])
