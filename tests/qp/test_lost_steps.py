@@ -12,8 +12,8 @@ def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.Monk
     box = {"lower": np.zeros(2), "upper": np.ones(2)}
     qp = QP.build(np.zeros((2, 2)), np.ones(2), C=[[1.0, 1.0]], l=[1.0], u=[2.0], **box)
 
-    def thrown(qp: QP, eps: float, most: int) -> CoreSolution:
-        found = solve_in_core(qp, eps, most)
+    def thrown(qp: QP, eps: float, most: int, give: np.ndarray | None) -> CoreSolution:
+        found = solve_in_core(qp, eps, most, give)
         far = found.residuals._replace(primal=1e22)
         return found._replace(x=np.full(2, 1e200), residuals=far)
 

@@ -91,6 +91,15 @@ def test_rows_give_way_by_their_weights() -> None:
     np.testing.assert_allclose(hard.x, [-1.0, 2.0], atol=1e-5)
 
 
+def test_the_cost_need_not_be_strictly_convex() -> None:
+    """As beside heavy tasks, whose rounding hides the damping: no answer was found."""
+    qp = QP.build(np.diag([1.0, 0.0]), [0.0, 0.0], C=[[1.0, 0.0], [1.0, 1.0]], l=[2.0, 3.0])
+    found = ActiveSet().solve_soft(qp, np.array([3.0, np.inf]))
+    assert found.solved
+    np.testing.assert_allclose(found.x[[0, 2]], [1.5, -0.5], atol=1e-6)
+    assert found.x[0] + found.x[1] >= 3.0 - 1e-6
+
+
 def test_hard_rows_that_contradict_each_other_have_no_answer() -> None:
     """Which contradict each other is said; nothing is where there are too few iterations."""
     hard = np.full(2, np.inf)

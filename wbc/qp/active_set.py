@@ -123,19 +123,17 @@ class ActiveSet:
                 nowhere = found._replace(x=np.full(qp.g.size, np.nan), residuals=NO_RESIDUALS)
                 return _solution(nowhere, Status.INFEASIBLE, start, conflict)
         conflict = None
-        check = SolveCheck(NAME, eps, start, explain=False)
-        raw, solution = None, None
-        if found.iterations >= 0 and not absolute:  # else nothing was written: what the memory held
-            raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
-            # Relative to the QP's numbers it may be accurate. With its slacks a soft row's ends
-            # are those of a hard one.
-            slack = 0.0 if give is None else give * raw.z
-            solution = check.accept(qp._replace(l=qp.l + slack, u=qp.u + slack), raw)
-        if solution is not None:
-            return solution
-        if give is None:
+        if not absolute:
+            check = SolveCheck(NAME, eps, start, explain=False)
+            raw, solution = None, None
+            if found.iterations >= 0:  # else nothing was written: what the memory held
+                raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
+                # Relative to the QP's numbers it may be accurate.
+                solution = check.accept(_given_way(qp, give, raw), raw)
+            if solution is not None:
+                return solution
             conflict = None if quick else find_conflict(qp)
-            solution = None if conflict else self._less_accurate(qp, check, raw)
+            solution = None if conflict else self._less_accurate(qp, give, check, raw)
             if solution is not None:
                 return solution
             if conflict is None and not quick:  # infeasible by less than the default tolerance
@@ -147,18 +145,27 @@ class ActiveSet:
             *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
         )
 
-    def _less_accurate(self, qp: QP, check: SolveCheck, raw: RawSolution | None) -> Solution | None:
+    def _less_accurate(
+        self, qp: QP, give: Array | None, check: SolveCheck, raw: RawSolution | None
+    ) -> Solution | None:
         """Return a last resort: the proximal-point solution, or one with residuals above eps."""
-        near = proximal(qp, self.eps, self.max_iterations)
-        solution = None if near is None else check.accept(qp, near)
+        near = proximal(qp, self.eps, self.max_iterations, give)
+        solution = None if near is None else check.accept(_given_way(qp, give, near), near)
         nearly = check._replace(eps=LAST_RESORT * check.eps)
         for last in (raw, near):
             if solution is None and last is not None:
-                solution = nearly.accept(qp, last)
+                solution = nearly.accept(_given_way(qp, give, last), last)
         return solution
 
 
-def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
+def _given_way(qp: QP, give: Array | None, raw: RawSolution) -> QP:
+    """Return the QP of hard rows with the same solution: soft rows end where they gave way to."""
+    return qp if give is None else qp._replace(l=qp.l + give * raw.z, u=qp.u + give * raw.z)
+
+
+def proximal(
+    qp: QP, eps: float, max_iterations: int, give: Array | None = None
+) -> RawSolution | None:
     """Return the solution of a QP whose cost is convex, but not strictly; None: none was found.
 
     The proximal-point method (Rockafellar 1976): each step is a QP with a little curvature about
@@ -171,7 +178,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
     curved = qp._replace(P=qp.P + weight * np.eye(n))
     raw = None
     for _ in range(_STEPS):
-        found = solve_in_core(curved._replace(g=qp.g - weight * x), eps, max_iterations)
+        found = solve_in_core(curved._replace(g=qp.g - weight * x), eps, max_iterations, give)
         if found.iterations < 0 or not found.residuals.primal < _DIVERGED:
             return raw
         steps += found.iterations
