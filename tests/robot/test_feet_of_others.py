@@ -62,7 +62,7 @@ def links_of(robot: Robot) -> dict[str, str]:
     return {name: foot.link for name, foot in robot.feet.items()}
 
 
-def sizes_are(robot: Robot, size: list[float], atol: float = 1e-9) -> None:
+def assert_sole_sizes(robot: Robot, size: list[float], atol: float = 1e-9) -> None:
     """Fail unless both soles have this length and width [m]."""
     assert list(robot.feet) == ["left", "right"]
     for foot in robot.feet.values():
@@ -87,7 +87,7 @@ def gridded(folder: Path, tilt: float) -> str:
 
 @pytest.mark.parametrize("tilt", [0.0, 0.05, 0.07, -0.2])
 def test_the_sole_of_a_mesh_is_its_whole_face(tmp_path: Path, tilt: float) -> None:
-    sizes_are(Robot.load(biped(gridded(tmp_path, tilt))), [0.16, 0.06], atol=1e-6)
+    assert_sole_sizes(Robot.load(biped(gridded(tmp_path, tilt))), [0.16, 0.06], atol=1e-6)
 
 
 @pytest.mark.parametrize("rpy", ["0 0 0", "0 .07 0", "0 -.2 0", ".15 0 0", "-.1 .1 0", ".1 .45 0"])
@@ -221,7 +221,7 @@ def test_the_frames_of_one_body_are_one_foot(frames: tuple[str, ...], style: str
             parts += f'<link name="{name}"/>' + joint(f"{side}_f{k}", f"{side}_foot", name, *at)
     robot = Robot.load(biped(FOOT).replace("</robot>", parts + "</robot>"))
     assert not any("feet" in note for note in robot.notes)
-    sizes_are(robot, [0.2, 0.1])
+    assert_sole_sizes(robot, [0.2, 0.1])
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_frames_along_one_leg_are_one_foot(end: str, on_thigh: str, on_foot: str
     thigh = r"\g<0>" + box("0 0 -.1", ".05 .05 .1")
     text = on_both_legs(biped(FOOT, extra=parts, end=end), r'<link name="\w+_l1">', thigh)
     robot = Robot.load(text)
-    sizes_are(robot, [0.2, 0.1])
+    assert_sole_sizes(robot, [0.2, 0.1])
     assert is_standing(robot.model, robot.posture(), robot.feet)
 
 
@@ -392,7 +392,7 @@ def test_toes_on_joints_of_their_own_are_told_where_they_touch_the_ground() -> N
     assert "left_toe, right_toe" in note
     robot = Robot.load(text, locked={"*_ball": 0.0})
     assert not any("soles" in note for note in robot.notes)
-    sizes_are(robot, [0.26, 0.1])  # from the heel to the toe's tip
+    assert_sole_sizes(robot, [0.26, 0.1])  # from the heel to the toe's tip
 
 
 def test_one_link_is_not_two_feet() -> None:
