@@ -140,6 +140,11 @@ class Contact(CoreTask):
         check_snapshot(f"{cls.__name__}.hold", snapshot)
         return snapshot.robot, frame, *snapshot.placement(frame)
 
+    def move_to(self, snapshot: Snapshot) -> None:
+        """Hold the frame where it is in ``snapshot`` from now on."""
+        check_snapshot(f"{self}, move_to", snapshot)
+        self.position, self.rotation = snapshot.placement(self.frame)
+
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
 

@@ -34,6 +34,7 @@ from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights, weights_of
+from wbc.controllers.known_plans import KnownPlans
 from wbc.controllers.levels import Levels
 from wbc.controllers.look_ahead import MarginRows, Solve, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
@@ -120,6 +121,10 @@ class Controller(DeclaredAttributes, ABC):
     _error_offset: Array  # (held,) added to the errors of loops and gears
 
     _fixed = checks.FIXED
+    _planned: tuple[str, ...] = (  # attributes that a plan sets
+        *("contacts", "slacks", "plan", "_levels", "_error_offset", "_curved_tasks"),
+        *("_second_core", "_margins_in_core", "_core", "_deviating", "_core_suffices"),
+    )
     _policies: tuple[str, ...] = POLICIES
     _warned_competing = False
     _decides_forces = False  # True at the torque level
@@ -159,6 +164,7 @@ class Controller(DeclaredAttributes, ABC):
         self.on_failure, self.deadline = on_failure, deadline
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._decides_forces)
+        self._known_plans = KnownPlans()
         self._plan(tuple(contacts))
 
     def __copy__(self) -> Self:
@@ -192,6 +198,7 @@ class Controller(DeclaredAttributes, ABC):
             constraints = self.constraints if constraints is None else constraints
             slack = self._slack if slack is None else slack
             self._set_parts(tasks, held, constraints, slack)
+            self._known_plans = KnownPlans()
             # self.contacts may include some that are being released: only given ones come back.
             self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
 
@@ -210,9 +217,21 @@ class Controller(DeclaredAttributes, ABC):
             raise
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
-        """Replace the contacts: :meth:`change` for contacts alone."""
-        checks.check_list("contacts", contacts, Task)  # None would leave them as they are
-        self.change(contacts=contacts)
+        """Replace the contacts: :meth:`change` for contacts alone.
+
+        The same objects that were held before need no new plan, which takes a millisecond, wherever
+        they are anchored now (:meth:`~wbc.constraints.Contact.move_to`).
+        """
+        self._check_contacts(contacts)
+        with self._unchanged_if_refused():
+            self._plan_for(self._next_contacts(tuple(contacts)))
+
+    def _check_contacts(self, contacts: Sequence[Task]) -> None:
+        """Refuse what are no contacts, unless they were held before."""
+        checks.check_list("contacts", contacts, Task)
+        if self._known_plans.find(contacts, NO_SLACK) is None:
+            parts = self.robot, self.tasks, contacts, self.limits, self.constraints, self._slack
+            checks.check_parts(*parts)
 
     if not TYPE_CHECKING:  # for checkers there is none
 
@@ -534,8 +553,21 @@ class Controller(DeclaredAttributes, ABC):
 
     # ------------------------------------------------------------------ the plan
 
+    def _plan_for(self, contacts: tuple[Task, ...]) -> None:
+        """Take up the plan that was made for these contacts, or make one."""
+        known = self._known_plans.find(contacts, self._leaving_slack)
+        if known is None:
+            self._plan(contacts)
+        else:
+            self.__dict__.update(known)
+
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
-        """Prepare what does not change between ticks."""
+        """Prepare what does not change between ticks, and remember it."""
+        self._make_plan(contacts, curved)
+        planned = {name: self.__dict__[name] for name in self._planned}
+        self._known_plans.keep(contacts, self._leaving_slack, planned)
+
+    def _make_plan(self, contacts: tuple[Task, ...], curved: frozenset[str]) -> None:
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._leaving_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks

@@ -30,8 +30,10 @@ class KinematicController(Controller):
 
     _closing: LoopClosing
 
-    def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
-        super()._plan(contacts, curved)
+    _planned = (*Controller._planned, "_closing")
+
+    def _make_plan(self, contacts: tuple[Task, ...], curved: frozenset[str]) -> None:
+        super()._make_plan(contacts, curved)
         self._closing = LoopClosing(self.plan.held, self._error_offset, self.dt)
 
     def _step_in_python(

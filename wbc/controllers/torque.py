@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import TaskEvaluation
-from wbc.controllers.checks import FIXED, MAKE_ANOTHER, check_parts, check_snapshot
+from wbc.controllers.checks import FIXED, MAKE_ANOTHER, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -129,6 +129,7 @@ class TorqueController(Controller):
     _fixed = FIXED | dict.fromkeys(
         ("torque_bounds", "force_damping", "delay", "spring_time"), MAKE_ANOTHER
     )
+    _planned = (*Controller._planned, "contact_forces", "_rows")
     _policies = POLICIES
     _decides_forces = True
 
@@ -280,7 +281,7 @@ class TorqueController(Controller):
         self._ramps, self._last, self._last_torque = ForceRamps(self.robot.weight), None, None
         if released:
             self._leaving_slack = {}
-            self._plan(tuple(one for one in self.contacts if one.name not in released))
+            self._plan_for(tuple(one for one in self.contacts if one.name not in released))
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
@@ -303,9 +304,9 @@ class TorqueController(Controller):
         UnknownNameError
             A contact with slack is left out: :meth:`change` takes contacts and slack together.
         """
-        check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints, self._slack)
+        self._check_contacts(contacts)
         with self._unchanged_if_refused():
-            self._plan(self._next_contacts(tuple(contacts), ramp))
+            self._plan_for(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Drop the contacts whose forces have ramped to zero, then step as every controller."""
@@ -313,7 +314,7 @@ class TorqueController(Controller):
         if released:
             remaining = tuple(one for one in self.contacts if one.name not in released)
             self._remember_slack([one for one in remaining if one.name in self._leaving_slack])
-            self._plan(remaining)
+            self._plan_for(remaining)
         self.__dict__["_ramp_limits"] = self._ramps.most
         return super()._step(snapshot)
 
@@ -326,7 +327,7 @@ class TorqueController(Controller):
         self._ramps.running = running
         if contacts != self.contacts:
             self._leaving_slack = leaving_slack
-            self._plan(contacts)
+            self._plan_for(contacts)
         super()._restore(tuple(base))
 
     # ------------------------------------------------------------------ the level

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits
+from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.constraints.sole_contacts import contact_kind
@@ -145,13 +145,13 @@ class WholeBody:
         **settings: Any,
     ) -> None:
         robot, w = start.robot, weights
-        self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         posture = walking_posture(start, height)
         self.bends = not np.array_equal(posture, start.q)
         bent = robot.snapshot(posture)
-        self._contact_types = {
-            foot: contact_kind(bent, frame) for foot, frame in self._frames.items()
+        self._contacts = {
+            foot: contact_kind(bent, frame).hold(start, frame, friction=friction)
+            for foot, frame in self._frames.items()
         }
         self._prescribed_weight = w.swing
         self._edge_weight = w.swing * np.array((1.0, 1.0, EDGE_HEIGHT_FACTOR, 1.0, 1.0, 1.0))
@@ -202,7 +202,7 @@ class WholeBody:
         self.controller = TorqueController(
             robot,
             [*own, *tasks],
-            contacts=self._contacts_at(start, self._frames),
+            contacts=[*self._contacts.values()],
             limits=limits,
             constraints=constraints,
             dt=dt,
@@ -211,17 +211,15 @@ class WholeBody:
         for task in self._swing.values():
             task.switch_off()
         self._free_leg_acceleration(robot)
+        # Plans for all supports, in both orders while forces ramp: the first steps take no longer.
+        both = tuple(self._contacts.values())
+        for contacts in (*((one,) for one in both), both[::-1], both):
+            self.controller.set_contacts(contacts)
         stuck = 1.0 - self.controller.friction_compensation
         bounds = self.controller.torque_bounds
         self.pressure_offset = pressure_offset(bent, bounds)
         self.limitations = leg_limits(bent, bounds, stuck, self.pressure_offset)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
-
-    def _contacts_at(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
-        return [
-            self._contact_types[foot].hold(snapshot, self._frames[foot], friction=self._friction)
-            for foot in feet
-        ]
 
     def _free_leg_acceleration(self, robot: Robot) -> None:
         """Lift the default limit on speeding up of the legs' joints, leaving their torques.
@@ -241,9 +239,10 @@ class WholeBody:
     def hold(self, snapshot: Snapshot, feet: Iterable[str], ramp: float) -> None:
         """Make contacts of these feet, where they are; others are unloaded within ``ramp`` [s]."""
         feet = tuple(feet)
-        self.controller.set_contacts(self._contacts_at(snapshot, feet), ramp=ramp)
         for foot in feet:
+            self._contacts[foot].move_to(snapshot)
             self._swing[foot].switch_off()
+        self.controller.set_contacts([self._contacts[foot] for foot in feet], ramp=ramp)
 
     def set_swing_weights(self, swing: float, lift: float) -> None:
         """Set the swing foot's weights for place and height from the next step on."""
