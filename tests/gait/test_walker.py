@@ -125,6 +125,19 @@ def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(hoap2: 
     assert way @ (np.cos(2.0), np.sin(2.0)) > 0.03
 
 
+def test_soles_are_held_where_they_stand_in_the_first_tick(
+    hoap2: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A robot tilted by a slope of 0.12 and lifted by 20 mm stands on other soles than planned."""
+    walker, q = wbc.gait.Walker(hoap2), hoap2.posture("standing")
+    tilted = np.concatenate((q[:3] + [0.0, 0.0, 0.02], [0.0, 0.06, 0.0, (1.0 - 0.06**2) ** 0.5]))
+    here = hoap2.snapshot(np.concatenate((tilted, q[7:])))
+    walker.step(here)
+    for contact in walker.controller.contacts:
+        np.testing.assert_allclose(contact.residual(here).error, 0.0, atol=1e-12)
+    assert "not where they are to be held" not in caplog.text
+
+
 @pytest.mark.slow
 def test_a_robot_that_is_put_elsewhere_while_it_stands_begins_anew_there(hoap2: Robot) -> None:
     """In a second episode it walked the way that the first one faced, and a G1 fell."""

@@ -412,8 +412,10 @@ class Walker:
         turn = abs(math.remainder(facing - self.heading, math.tau))
         if max(float(np.linalg.norm(now.middle - nominal_start)), turn) > START_TOLERANCE:
             self._begin_at(snapshot, now)
-        elif self._sink_time:
+            return
+        if self._sink_time:
             self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._nominal_height)
+        self._whole_body.hold(snapshot, self._frames, 0.0)
 
     def _begin_at(self, snapshot: Snapshot, now: GaitState) -> None:
         """Stand where the soles are from now on, and face as they do."""
