@@ -64,6 +64,7 @@ def test_two_values_are_of_continuous_joints_only(tmp_path: Path, joint: str) ->
     [
         (state("home", "a", spin="2 0"), r"no \(cos, sin\): its squares sum to 4"),
         (state("home", "a", spin="0 0"), r"no \(cos, sin\): its squares sum to 0"),
+        ('<group_state group="all"><joint name="j1" value="0.5"/></group_state>', "without name"),
         ('<xacro:arm xmlns:xacro="http://ros.org/wiki/xacro"/>', "is left of a xacro file"),
         (state("home", "a", j1="$(arg bend)"), "is left of a xacro file"),
     ],

@@ -82,10 +82,12 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     states = dict[str, dict[str, tuple[float, ...]]]()
     contradicted = dict[str, list[str]]()
     for group in root.findall("group_state"):
-        state = states.setdefault(group.get("name", "?"), {})
+        if not (name := group.get("name")):
+            raise ModelError(f"{path}: <group_state> without name; give it one, such as standing")
+        state = states.setdefault(name, {})
         for joint, values in _joint_values(group, path, _sizes(model)):
             if state.get(joint, values) != values:
-                contradicted.setdefault(group.get("name", "?"), []).append(joint)
+                contradicted.setdefault(name, []).append(joint)
             state[joint] = values
     overwritten = tuple(
         f"SRDF, state {name!r}: groups give different values of {listed(joints)}; the last counts"
