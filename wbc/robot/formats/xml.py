@@ -16,6 +16,7 @@ _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", 
 MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, MOST_DEPTH = 64 << 20, 100_000, 200, 300
 LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products overflow
 LARGEST_GEAR = 1e3  # of a coupling's ratio or offset [rad or m]
+ARCHIVES = b"PK\x03\x04", b"\x1f\x8b"  # how .zip, .mjz and .gz files begin
 LFS = b"version https://git-lfs"
 _EQUALS = re.compile(rb"=\s*[\"']")
 _PREFIX, _DECLARED = re.compile(rb"<([A-Za-z]\w*):\w"), re.compile(rb"xmlns:(\w+)\s*=")
@@ -47,6 +48,8 @@ def read_xml(path: Path) -> ET.Element:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise ModelError(f"{path}: cannot be read: {error}") from error
+    if data.startswith(ARCHIVES):
+        raise ModelError(f"{path}: an archive; unpack it, and name the robot file in it")
     return parsed(data, path)
 
 
