@@ -139,6 +139,8 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         noted("contact pairs with what is not in the file left out: floor"),
     ),
     "friction below zero": (text(arm('frictionloss="-.2"')), without_friction),
+    "damping below zero": (text(arm('damping="-.2"')), "joint 'j1': negative damping -0.2"),
+    "a rotor below zero": (text(arm('armature="-.01"')), "joint 'j1': negative armature -0.01"),
     "a joint called as the world": (
         text(arm().replace("j1", "universe")),
         "a moving joint is called 'universe'",

@@ -112,10 +112,17 @@ def _check_sizes(part: RobotPart) -> None:
                 body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
                 wrong = f"larger than {LARGEST:g}" if np.isfinite(values[k]).all() else "not finite"
                 raise ModelError(f"{path}: body {body!r}: its {what} is {wrong}")
-    for joint in joints:  # of an MjModel that was changed
+    for joint in joints:
+        name, dof = names.joints[joint], int(model.jnt_dofadr[joint])
+        for what, value in (
+            ("damping", float(model.dof_damping[dof])),
+            ("armature", float(model.dof_armature[dof])),
+        ):
+            if value < 0.0:  # MuJoCo takes it, and the joint speeds up by itself
+                raise ModelError(f"{path}: joint {name!r}: negative {what} {value:g}; correct it")
+        # Of an MjModel that was changed.
         low, high = model.jnt_range[joint].tolist()
         if model.jnt_limited[joint] and not low <= high:
-            name = names.joints[joint]
             raise ModelError(f"{path}: joint {name!r}: its range is {low:g} to {high:g}")
 
 
