@@ -173,6 +173,14 @@ def test_tendons_and_joints_without_motors_are_said() -> None:
     assert "here each joint has one, but for unactuated=[...]" in said
 
 
+def test_a_motor_whose_gear_is_0_drives_nothing() -> None:
+    """Its joint was said to have a motor, of no bound."""
+    tail = '<actuator><motor name="idle" joint="j1" gear="0"/><motor joint="j2"/></actuator>'
+    robot, _ = load(text(arm(rest=arm(name="fore").replace("j1", "j2")), tail=tail))
+    assert any(note.endswith("gear is 0, drive nothing: idle") for note in robot.notes)
+    assert any(note.startswith("no motor of the file drives j1; ") for note in robot.notes)
+
+
 def test_what_acts_on_the_free_joint_itself_is_told() -> None:
     """A thruster and a spring move the base in MuJoCo, and nothing here."""
     root = TRUNK.replace("<freejoint/>", '<joint name="root" type="free" stiffness="5"/>')

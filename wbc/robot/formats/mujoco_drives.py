@@ -167,18 +167,16 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     mine = {*part.joints}
     mujoco, model, names = part.mujoco, part.model, part.names
     every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
-    elsewhere = [
-        names.actuators[k]
-        for k in actuators_of(model)
-        if k not in every or part.kind_of(every[k]) == "free"
-    ]
+    every = {k: joint for k, joint in every.items() if part.kind_of(joint) != "free"}
     notes = noted(
         "actuators that act on no single joint (tendons, sites, bodies, free joints) are not read:"
         " {}",
-        elsewhere,
+        [names.actuators[k] for k in actuators_of(model) if k not in every],
     )
-    off = [names.actuators[k] for k in every if k not in acting]
-    notes += noted("actuators of groups that the file switches off drive nothing: {}", off)
+    notes += noted(
+        "actuators of groups that the file switches off, or whose gear is 0, drive nothing: {}",
+        [names.actuators[k] for k in every if k not in acting],
+    )
     notes += _disabled_notes(part)
     driven = {joint for joint in acting.values() if joint in mine}
     still = unactuated_joints(part)

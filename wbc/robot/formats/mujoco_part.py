@@ -182,12 +182,12 @@ def motors_on_joints(mujoco: Any, model: Any) -> dict[int, int]:
 
 
 def acting_motors(mujoco: Any, model: Any) -> dict[int, int]:
-    """Return :func:`motors_on_joints` but for those of groups that the file switches off."""
+    """Return :func:`motors_on_joints` but for those of groups switched off, or of gear 0."""
     off = int(getattr(model.opt, "disableactuator", 0))
     return {
         motor: joint
         for motor, joint in motors_on_joints(mujoco, model).items()
-        if not off >> int(model.actuator_group[motor]) & 1
+        if not off >> int(model.actuator_group[motor]) & 1 and model.actuator_gear[motor, 0] != 0.0
     }
 
 
