@@ -27,3 +27,10 @@ def test_pattern_that_is_no_name_matches_as_before() -> None:
     assert matches("j[01]", ("j0", "j1", "k")) == (0, 1)
     assert matches("*", ("j0", "j1")) == (0, 1)
     assert matches("l", ("j0", "j1")) == ()
+
+
+def test_what_the_file_calls_as_the_centre_of_mass_is_told() -> None:
+    """Moments about="com" were about the robot's CoM, and nobody said."""
+    arm = Robot.load(two_joints("j0", "j1").replace('"lower"', '"com"'), base="floating")
+    assert any("'com' means the centre of mass" in note for note in arm.notes)
+    assert not any("'com'" in note for note in Robot.load(two_joints("j0", "j1")).notes)

@@ -59,16 +59,19 @@ def looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
 
 
 def add_base_frame(model: pin.Model) -> tuple[str, ...]:
-    """Make ``base`` mean the frame of the free-flyer, and return a note if it meant another."""
+    """Make ``base`` mean the frame of the free-flyer; return notes of names that mean others."""
     identity = pin.SE3.Identity()
-    note: tuple[str, ...] = ()
+    com: tuple[str, ...] = ()
+    if any(frame.name == COM for frame in model.frames):
+        com = (f"{COM!r} means the centre of mass in about=, not the file's {COM!r}",)
+    notes = com
     for frame in model.frames:
         if frame.name == BASE and frame.type != pin.FrameType.JOINT:
             if frame.parentJoint == 1 and frame.placement.isApprox(identity, 1e-12):
-                return ()
-            note = (f"frame {BASE!r} means the floating base, not the file's {BASE!r}",)
+                return com
+            notes = (*com, f"frame {BASE!r} means the floating base, not the file's {BASE!r}")
     model.addFrame(pin.Frame(BASE, 1, 0, identity, pin.FrameType.OP_FRAME), False)
-    return note
+    return notes
 
 
 def frame_table(model: pin.Model) -> dict[str, int]:
