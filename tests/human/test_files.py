@@ -359,8 +359,8 @@ def test_notes_on_plates_of_another_file_are_told(march: March, tmp_path: Path) 
     path, _ = march
     _with(path, "FORCE_PLATFORM", TYPE=[7.0])
     write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
-    notes = read_markers(tmp_path / "a.trc", forces=path).notes
-    assert any("force plate 1 was left out: its type is 7" in note for note in notes)
+    (note,) = read_markers(tmp_path / "a.trc", forces=path).notes
+    assert "force plate 1 was left out: its type is 7; types 1 to 4" in note and "MOT" in note
 
 
 @pytest.mark.parametrize("empty", [False, True])

@@ -276,7 +276,10 @@ def plate_wrench(
         Another type, numbers that are not finite, or corners that span nothing.
     """
     if kind not in (1, 2, 3, 4):
-        raise InvalidInputError(f"its type is {kind}; types 1 to 4 are read")
+        raise InvalidInputError(
+            f"its type is {kind}; types 1 to 4 are read: export its forces to an MOT file, and give"
+            " that as forces"
+        )
     if not (np.isfinite(values).all() and np.isfinite(corners).all() and np.isfinite(origin).all()):
         raise InvalidInputError("its numbers are not finite")
     x = 0.5 * (corners[0] + corners[3] - corners[1] - corners[2])
