@@ -427,6 +427,12 @@ def test_cuts_that_leave_few_frames_are_refused_with_their_reason() -> None:
             human_motion(replace(recording, positions=here))
 
 
+def test_what_a_short_recording_does_not_tell_is_said() -> None:
+    """That plates do not weigh the human was said to be for want of feet on them."""
+    notes = human_motion(recorded(BODY, seconds=0.2, plates=True)[0]).notes
+    assert any("0.19 s are too short to tell forces" in note for note in notes)
+
+
 def test_frames_that_a_file_leaves_out_are_told() -> None:
     """A spline bridged them in silence."""
     recording, _ = recorded(BODY, seconds=3.0)

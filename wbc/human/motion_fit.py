@@ -215,6 +215,9 @@ def human_motion(
             shift, more = roll_over_correction(series, contacts, found.stature, sway)
             q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in shift.T])
             notes += more
+    else:
+        short = f"its {time[-1] - time[0]:.2g} s are too short to tell forces"
+        notes += (f"{short}: plates do not weigh it, nor do its steps displace it",)
     if mass is None:
         usual = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
         weight, more = _mass_without_one_given(weighed, usual, recording)
