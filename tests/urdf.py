@@ -1,6 +1,10 @@
 """Toy robots as URDF, part by part; a robot is loaded from its text as from its file."""
 
 import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
 
 GEARED = {
     "c": '<mimic joint="b" multiplier="-2" offset="0.1"/>',
@@ -89,3 +93,29 @@ def on_both_legs(text: str, pattern: str, by: str) -> str:
     text, count = re.subn(pattern, by, text, flags=re.DOTALL)
     assert count == 2
     return text
+
+
+def drawn_along(text: str, shifts: dict[str, float]) -> str:
+    """Return a URDF of the same mechanism, its joints drawn elsewhere along their axes [m]."""
+    root = ET.fromstring(text)
+    joints = root.findall("joint")
+    for name, shift in shifts.items():
+        (moved,) = (one for one in joints if one.get("name") == name)
+        child = moved.find("child").attrib["link"]
+        along = shift * _numbers(moved.find("axis"), "xyz")
+        R = pin.rpy.rpyToMatrix(*_numbers(moved.find("origin"), "rpy"))
+        _move(moved, R @ along)
+        carried = [one for one in joints if one.find("parent").get("link") == child]
+        for part in (*carried, *root.find(f"link[@name='{child}']")):
+            _move(part, -along)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _numbers(element: ET.Element, key: str) -> np.ndarray:
+    return np.array(element.get(key, "0 0 0").split(), dtype=float)
+
+
+def _move(part: ET.Element, way: np.ndarray) -> None:
+    """Move the origin of a joint, body or shape."""
+    origin = ET.SubElement(part, "origin") if part.find("origin") is None else part.find("origin")
+    origin.set("xyz", " ".join(map(repr, (_numbers(origin, "xyz") + way).tolist())))

@@ -24,7 +24,7 @@ SIDES = ("left", "right")
 STRETCH = 0.98
 # Likewise at the default height of a walk: knees stay bent in a long step.
 WALKING_STRETCH = 0.905
-# Smallest cosine between parallel axes of hip, knee and ankle.
+# Smallest cosine between axes of a leg that count as parallel.
 PARALLEL = 0.95
 # Shortening of a leg that lifts its foot, as a ratio of its length.
 LIFT = 0.1
@@ -341,7 +341,7 @@ def _knee(robot: Robot, side: str) -> tuple[int, Array, Array]:
 
 
 def _bending_joint(
-    robot: Robot, joints: Sequence[int], candidates: Sequence[int], tip: Array = ORIGIN
+    robot: Robot, joints: Sequence[int], candidates: Sequence[int], tip: Array | None = None
 ) -> tuple[int, Array, Array]:
     """Return the joint that shortens a chain most, angles over its range, and the lengths there."""
     lengths = {joint: _lengths(robot, joints, joint, tip) for joint in candidates}
@@ -362,20 +362,41 @@ def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> f
 
 
 def _leg_vectors(
-    robot: Robot, joints: Sequence[int], configurations: Iterable[Array], tip: Array = ORIGIN
+    robot: Robot, joints: Sequence[int], configurations: Iterable[Array], tip: Array | None = None
 ) -> Array:
     """Return the vectors (n, 3) from the ankle, or a ``tip`` (3,) in its axes, to the hip [m].
 
     ``joints`` begin with the hip and end with the ankle.
     """
+    hip = _nearest_to_next(robot, joints)
+    tip = _nearest_to_next(robot, joints[::-1]) if tip is None else tip
     data, vectors = robot.model.createData(), []  # one for all: creating it takes longer than use
     for q in configurations:
         pin.forwardKinematics(robot.model, data, q)
-        vectors.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].act(tip))
+        vectors.append(data.oMi[joints[0]].act(hip) - data.oMi[joints[-1]].act(tip))
     return np.array(vectors)
 
 
-def _lengths(robot: Robot, joints: Sequence[int], joint: int, tip: Array) -> tuple[Array, Array]:
+def _nearest_to_next(robot: Robot, joints: Sequence[int]) -> Array:
+    """Return the point of a joint's axis (3,), in its axes, that is nearest to the next axis [m].
+
+    A file may draw a joint anywhere along its axis. Axes parallel to it are passed over; its origin
+    is returned if all are, or if it slides.
+    """
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    rotations, origins = snapshot.joint_placements
+    axis, *others = snapshot.joint_twists[3:, [robot.model.idx_vs[joint] for joint in joints]].T
+    for other, origin in zip(others, origins[joints[1:]], strict=True):
+        cosine = float(axis @ other)
+        if axis.any() and other.any() and abs(cosine) < PARALLEL:
+            away = (origin - origins[joints[0]]) @ (axis - cosine * other)
+            return np.asarray(rotations[joints[0]].T @ axis * (away / (1.0 - cosine**2)))
+    return ORIGIN
+
+
+def _lengths(
+    robot: Robot, joints: Sequence[int], joint: int, tip: Array | None
+) -> tuple[Array, Array]:
     """Return angles over a joint's range, and the chain's lengths there."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
     bent = np.tile(robot.postures[STANDING], (KNEE_SAMPLES, 1))
