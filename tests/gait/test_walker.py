@@ -9,6 +9,7 @@ import pytest
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait import GaitSettings
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
 from wbc.qp.active_set import ActiveSet
 from wbc.robot import Robot
@@ -48,6 +49,24 @@ def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> Non
         InvalidInputError, match="has a task 'posture' of its own; give yours anoth"
     ):
         wbc.gait.Walker(hoap2, tasks=[arms])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"dely": 0.0}, "setting of a walker 'dely'; did you mean 'delay'"),
+        ({"height": 0.2}, r"'height'; it is one of a gait: Walker\(robot, \{'height': "),
+        ({"contacts": []}, "setting of a walker 'contacts'"),
+    ],
+)
+def test_settings_that_a_walker_has_not_are_told_as_its_own(
+    hoap2: Robot, wrong: dict[str, object], said: str
+) -> None:
+    """They were TypeErrors about a TorqueController; a robot for legs was an AttributeError."""
+    with pytest.raises(UnknownNameError, match=said):
+        wbc.gait.Walker(hoap2, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="gait, legs: expected a Legs"):
+        GaitSettings.of(hoap2)  # type: ignore[arg-type]
 
 
 def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:

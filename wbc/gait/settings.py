@@ -10,6 +10,7 @@ from typing import Self
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
 from wbc.gait.legs import WALKING_STRETCH, Legs
+from wbc.kinds import check_kind
 from wbc.validate import check_fields, finite_number
 
 # Largest height of the hip over the ankle for weak knees, as a ratio of the leg's length.
@@ -98,6 +99,7 @@ class GaitSettings:
         InvalidInputError
             A value out of range, such as a time of 0 s; or legs do not reach the ground.
         """
+        check_kind("gait, legs", legs, Legs, "Legs.of(robot)")
         names = [one.name for one in fields(cls) if one.name != "gravity"]
         for name in given:
             if name not in names:

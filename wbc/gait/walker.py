@@ -23,6 +23,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from inspect import signature
 from operator import ge
 from typing import TYPE_CHECKING, Any, Self
 
@@ -35,7 +36,7 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.checks import check_list, check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.dcm import in_plane
@@ -102,6 +103,8 @@ KINDS = {
     **dict.fromkeys(("velocity", "wanted"), (Velocity, "Velocity(0.3); or walker.command(0.3)")),
 }
 FIXED = frozenset(("robot", "gait", "controller"))
+# Settings of its controller that a walker is given by name; contacts are the walk's own.
+SETTINGS = sorted({*signature(TorqueController).parameters} - {"more", "contacts"})
 
 
 class Walker:
@@ -176,6 +179,11 @@ class Walker:
         solver: str | Backend = "active_set",
         **settings: Any,
     ) -> None:
+        for name in settings:
+            if name not in SETTINGS:
+                known = name in GaitSettings.__dataclass_fields__
+                remedy = f"it is one of a gait: Walker(robot, {{{name!r}: ...}})" if known else ""
+                raise UnknownNameError("setting of a walker", name, SETTINGS, remedy)
         check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
         legs = Legs.of(robot, limits)
         check_kind("walker, weights", weights, WalkingWeights, "WalkingWeights()", or_none=True)
