@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from tests.retargeting.humans import reaching_up
+from tests.retargeting.humans import reaching_up, stepping
+from tests.urdf import drawn_along
 from wbc.retargeting.body_map import body_map
 from wbc.retargeting.scaling import (
     MAX_MOMENTUM_SCALE,
@@ -15,6 +16,7 @@ from wbc.retargeting.scaling import (
     momentum_scale,
 )
 from wbc.robot import Robot
+from wbc.robot.chains import leg_joints
 from wbc.validate import Array
 
 
@@ -79,3 +81,17 @@ def largest_knee(robot: Robot, joints: Array) -> float:
     """Return the largest angle of the knees [rad] among positions (n, nv - 6)."""
     knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
     return float(joints[:, knees].max())
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1"])
+def test_legs_drawn_elsewhere_along_their_axes_move_alike(name: str) -> None:
+    """Feet were set where a file draws the ankles: 50 mm ahead of where the same robot had them."""
+    text, rng = Robot.load(name).path.read_text(), np.random.default_rng(2)
+    robot = Robot.load(text, base="floating")
+    joints = [robot.model.names[joint] for foot in robot.feet for joint in leg_joints(robot, foot)]
+    shifts = {joint: float(rng.uniform(-0.05, 0.05)) for joint in joints}
+    moved = Robot.load(drawn_along(text, shifts), base="floating")
+    found, again = (
+        wbc.retarget(stepping(), one, self_collision=False, rounds=1) for one in (robot, moved)
+    )
+    np.testing.assert_allclose(again.q, found.q, atol=1e-6)

@@ -165,6 +165,13 @@ def check_biped(robot: Robot) -> None:
         raise InvalidInputError(f"biped: the base of {robot.name} is fixed; load it floating")
 
 
+def hip_and_ankle(snapshot: Snapshot, side: str) -> Array:
+    """Return the places of a leg's hip and ankle (2, 3) [m], wherever its file draws them."""
+    down = leg_joints(snapshot.robot, side)
+    R, p = snapshot.joint_placements
+    return np.array([p[k[0]] + R[k[0]] @ _nearest_to_next(snapshot, k) for k in (down, down[::-1])])
+
+
 def bearing_joints(robot: Robot) -> NDArray[np.int64]:
     """Return the indices among the joints' torques (k,) of hips and knees that have motors."""
     joints = list[int]()
@@ -368,8 +375,9 @@ def _leg_vectors(
 
     ``joints`` begin with the hip and end with the ankle.
     """
-    hip = _nearest_to_next(robot, joints)
-    tip = _nearest_to_next(robot, joints[::-1]) if tip is None else tip
+    standing = robot.snapshot(robot.postures[STANDING])
+    hip = _nearest_to_next(standing, joints)
+    tip = _nearest_to_next(standing, joints[::-1]) if tip is None else tip
     data, vectors = robot.model.createData(), []  # one for all: creating it takes longer than use
     for q in configurations:
         pin.forwardKinematics(robot.model, data, q)
@@ -377,15 +385,15 @@ def _leg_vectors(
     return np.array(vectors)
 
 
-def _nearest_to_next(robot: Robot, joints: Sequence[int]) -> Array:
+def _nearest_to_next(snapshot: Snapshot, joints: Sequence[int]) -> Array:
     """Return the point of a joint's axis (3,), in its axes, that is nearest to the next axis [m].
 
     A file may draw a joint anywhere along its axis. Axes parallel to it are passed over; its origin
     is returned if all are, or if it slides.
     """
-    snapshot = robot.snapshot(robot.postures[STANDING])
+    columns = [snapshot.robot.model.idx_vs[joint] for joint in joints]
     rotations, origins = snapshot.joint_placements
-    axis, *others = snapshot.joint_twists[3:, [robot.model.idx_vs[joint] for joint in joints]].T
+    axis, *others = snapshot.joint_twists[3:, columns].T
     for other, origin in zip(others, origins[joints[1:]], strict=True):
         cosine = float(axis @ other)
         if axis.any() and other.any() and abs(cosine) < PARALLEL:

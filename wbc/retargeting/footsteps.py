@@ -17,13 +17,12 @@ import numpy as np
 
 from wbc.constraints.sole_contacts import rolls
 from wbc.gait.footsteps import SIGN
-from wbc.gait.legs import SIDES, Legs
+from wbc.gait.legs import SIDES, Legs, hip_and_ankle
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
 from wbc.retargeting.cop_correction import SupportedFrames, supports
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
-from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, Bools
 
@@ -200,9 +199,9 @@ def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:
 def _sole_from_ankle(robot: Robot, side: str) -> Array:
     """Return the sole frame's origin (3,) from the ground below the ankle, in its axes [m]."""
     snapshot = robot.snapshot(robot.postures[STANDING])
-    ankle = str(robot.model.names[leg_joints(robot, side)[-1]])
+    _, ankle = hip_and_ankle(snapshot, side)
     place, R = snapshot.placement(robot.feet[side].frame)
-    arm = R.T @ (place - snapshot.position(ankle))
+    arm = R.T @ (place - ankle)
     return np.array((arm[0], arm[1], 0.0))
 
 

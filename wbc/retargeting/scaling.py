@@ -11,11 +11,10 @@ import numpy as np
 from wbc.constraints import Limits, support
 from wbc.controllers.kinematic import KinematicController
 from wbc.errors import InvalidInputError, shown
-from wbc.gait.legs import SIDES, Legs
+from wbc.gait.legs import SIDES, Legs, hip_and_ankle
 from wbc.human import HumanMotion
 from wbc.retargeting.body_map import BodyMap
 from wbc.robot import Robot, Snapshot
-from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
 from wbc.validate import Array, finite_number
@@ -102,11 +101,7 @@ def standing_body(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
     for _ in range(STEPS):
         q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, DT)
     found = robot.snapshot(q)
-    chains = [leg_joints(robot, side) for side in SIDES]
-    hips, ankles = (
-        np.array([found.position(str(robot.model.names[chain[k]])) for chain in chains])
-        for k in (0, -1)
-    )
+    hips, ankles = np.stack([hip_and_ankle(found, side) for side in SIDES], axis=1)
     soles = np.array([found.position(robot.feet[side].frame) for side in SIDES])
     hip, ankle = float(np.mean(hips[:, 2])), float(np.mean(ankles[:, 2]))
     up = float(found.com[2] - np.mean(soles[:, 2])) + legs.length - (hip - ankle)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wbc.gait.legs import SIDES
+from wbc.gait.legs import SIDES, hip_and_ankle
 from wbc.retargeting.cop_correction import (
     cop_displacement,
     least_com_displacement,
@@ -19,7 +19,6 @@ from wbc.retargeting.robot_setup import RobotSetup
 from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
-from wbc.robot.chains import leg_joints
 from wbc.robot.postures import STANDING
 from wbc.spatial import vech_inverse
 from wbc.validate import Array, Bools
@@ -240,7 +239,7 @@ def _step_scale_and_lowering(
         com[:, :2] += sum(share[:, [n]] * _flat_shift(feet.paths[s]) for n, s in enumerate(SIDES))
         vectors = []  # from the ankle on the ground to the hip
         for side, hip in zip(SIDES, setup.standing.hips, strict=True):
-            ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
+            _, ankle = hip_and_ankle(snapshot, side)
             sole, path = robot.feet[side].frame, feet.paths[side]
             arm = snapshot.rotation(sole).T @ (ankle - snapshot.position(sole))
             vector = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
