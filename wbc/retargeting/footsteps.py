@@ -17,10 +17,11 @@ import numpy as np
 
 from wbc.constraints.sole_contacts import rolls
 from wbc.gait.footsteps import SIGN
-from wbc.gait.legs import SIDES, Legs, hip_and_ankle
+from wbc.gait.legs import SIDES, hip_and_ankle
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
 from wbc.retargeting.cop_correction import SupportedFrames, supports
+from wbc.retargeting.robot_setup import RobotSetup
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
@@ -141,7 +142,7 @@ def yaw_pitch_rotations(heading: Array, pitch: Array | None = None) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) -> FootPaths:
+def foot_paths(source: HumanFrames, setup: RobotSetup, scaling: Array) -> FootPaths:
     """Return the paths of a robot's feet.
 
     Parameters
@@ -149,6 +150,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) ->
     scaling:
         Matrix (3, 3) from a human's positions to the robot's.
     """
+    robot, legs = setup.robot, setup.legs
     arms = {side: _sole_from_ankle(robot, side) for side in SIDES}
     flat = {side: _flatness(source, side) for side in SIDES}
     prints, notes, dt = [], list[str](), float(source.series.time[1] - source.series.time[0])
@@ -169,7 +171,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) ->
                     " stands in between"
                 )
     soles = {side: robot.feet[side].polygon for side in SIDES}
-    widening = _required_widening(prints, soles, SOLE_DISTANCE * legs.length)
+    widening = _required_widening(prints, soles, SOLE_DISTANCE * legs.length, setup.least_width)
     posture = robot.snapshot(robot.postures[STANDING])
     line_feet = frozenset(side for side in SIDES if not rolls(posture, side))
     if line_feet:  # such soles are level where the feet are as wide apart as the hips
@@ -212,7 +214,9 @@ def _flatness(source: HumanFrames, side: str) -> Array:
     return np.exp(-tilt / 0.01 - (speed / 0.2) ** 2) + 1e-9
 
 
-def _required_widening(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -> float:
+def _required_widening(
+    prints: list[Footprint], soles: Mapping[str, Array], gap: float, least_width: float
+) -> float:
     """Return the outward shift of each foot that keeps them apart [m].
 
     Parameters
@@ -221,9 +225,11 @@ def _required_widening(prints: list[Footprint], soles: Mapping[str, Array], gap:
         Their corners (k, 2), by side [m].
     gap:
         Between soles, and between their widths where one foot passes the other [m].
+    least_width:
+        Of the feet from each other, for thighs and shanks [m].
     """
     angles = np.linspace(-MAX_LINE_ANGLE, MAX_LINE_ANGLE, 53)
-    width = max(float(np.ptp(sole[:, 1])) for sole in soles.values())
+    width = max(gap + max(float(np.ptp(sole[:, 1])) for sole in soles.values()), least_width)
     widening = 0.0
     for a, b, side in _neighbours(prints):
         yaw = 0.5 * (a.pose[2] + b.pose[2])
@@ -234,7 +240,7 @@ def _required_widening(prints: list[Footprint], soles: Mapping[str, Array], gap:
         )
         apart = (left @ across.T).min(axis=0) - (right @ across.T).max(axis=0)
         standing = ((gap - apart) / (2.0 * np.cos(angles))).min()
-        passing = 0.5 * (gap + width - (a.pose[:2] - b.pose[:2]) @ side)
+        passing = 0.5 * (width - (a.pose[:2] - b.pose[:2]) @ side)
         widening = max(widening, float(standing), float(passing))
     return widening
 

@@ -7,18 +7,26 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.errors import ModelError
-from wbc.gait.legs import Legs, knees_one_way
+from wbc.gait.legs import SIDES, Legs, hip_and_ankle, knees_one_way
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.fingers import FixedFingers
 from wbc.retargeting.scaling import StandingBody, standing_body
 from wbc.robot import Robot
+from wbc.robot.chains import leg_joints
+from wbc.robot.postures import STANDING
 from wbc.validate import by_name
 
 NO_SELF_COLLISION = "bodies are not kept apart"  # begins the note that says why
 # Targets do not run into margins, so a body near one may pass it fast.
 BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
+
+# Places of a leg that are this part of its height below the hip, or less, are beside the hips,
+# which no step brings apart.
+HIPS = 0.2
 
 
 class RobotSetup(NamedTuple):
@@ -29,6 +37,7 @@ class RobotSetup(NamedTuple):
     body: BodyMap
     standing: StandingBody
     collision: SelfCollision | None
+    least_width: float  # of the feet from each other, at which margins between legs are kept [m]
     notes: tuple[str, ...]  # fixed fingers, and why there is no self-collision where it was wanted
 
     @property
@@ -65,4 +74,23 @@ def _cached_setup(
         except ModelError as error:  # missing shapes, most of all
             notes += (f"{NO_SELF_COLLISION}: {error}",)
     standing = standing_body(fingers.robot, legs, body)
-    return RobotSetup(fingers, legs, body, standing, collision, notes)
+    width = 0.0 if collision is None else _least_width(collision, legs)
+    return RobotSetup(fingers, legs, body, standing, collision, width, notes)
+
+
+def _least_width(collision: SelfCollision, legs: Legs) -> float:
+    """Return the distance of the feet at which thighs and shanks keep their margins [m].
+
+    A foot that is nearer to the other by d brings a place on its leg nearer by as much of d as this
+    is below the hip, by the leg's height.
+    """
+    robot, model = collision.robot, collision.model
+    standing = robot.snapshot(robot.postures[STANDING])
+    left, right = (set(leg_joints(robot, side)[:-1]) for side in SIDES)
+    ends = [{model.bodies[k].joint for k in pair} for pair in model.pairs.tolist()]
+    pairs = np.array([k for k, pair in enumerate(ends) if pair & left and pair & right], dtype=int)
+    found = model.measure(standing, pairs)
+    hip, ankle = np.mean([hip_and_ankle(standing, side) for side in SIDES], axis=0)[:, 2]
+    below = (hip - found.point[:, 2]) / (hip - ankle)
+    spare = (found.distance - collision.margins[pairs])[below > HIPS] / below[below > HIPS]
+    return legs.width - float(spare.min(initial=legs.width))

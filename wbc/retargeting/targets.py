@@ -93,14 +93,14 @@ def scaled_targets(
     source: HumanFrames, setup: RobotSetup, scale: MotionScale, balance: bool
 ) -> Targets:
     """Return a robot's targets; with ``balance`` the CoM is moved so that the CoP is feasible."""
-    series, robot, legs, body = source.series, setup.robot, setup.legs, setup.body
+    series, robot, body = source.series, setup.robot, setup.body
     dt = scale.time * float(series.time[1] - series.time[0])
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
-    feet = foot_paths(source, robot, legs, _step_scaling(source, scale, 1.0))
+    feet = foot_paths(source, setup, _step_scaling(source, scale, 1.0))
     step_scale, lowering, notes = _step_scale_and_lowering(source, setup, scale, pelvis, feet)
     scaling = _step_scaling(source, scale, step_scale)
     if step_scale < 1.0:
-        feet = foot_paths(source, robot, legs, scaling)
+        feet = foot_paths(source, setup, scaling)
     com = _scaled_com(source, setup, scale, scaling)
     human_com = com.copy()
     com[:, 2] += _arm_rise(source, setup, scale) - lowering
@@ -233,7 +233,7 @@ def _step_scale_and_lowering(
     ends = []
     for step_scale in (MIN_STEP_SCALE, 1.0):
         scaling = _step_scaling(source, scale, step_scale)
-        feet = unscaled if step_scale == 1.0 else foot_paths(source, robot, legs, scaling)
+        feet = unscaled if step_scale == 1.0 else foot_paths(source, setup, scaling)
         com = _scaled_com(source, setup, scale, scaling)
         share = load_shares(feet.down)
         com[:, :2] += sum(share[:, [n]] * _flat_shift(feet.paths[s]) for n, s in enumerate(SIDES))
