@@ -437,6 +437,18 @@ def test_a_link_of_both_sides_is_no_foot() -> None:
     assert foot_of("LFootBumperRight_frame") is foot_of("r2/foot") is None
 
 
+@pytest.mark.parametrize("prefix", ["", "left_", "FL_", "rear_"])
+def test_what_all_names_begin_with_tells_no_foot(prefix: str) -> None:
+    """All four were called left feet, and three were lost."""
+    parts = [urdf.link(f"{prefix}trunk", urdf.collision('box size=".4 .2 .1"'))]
+    for name, at in (("FL", ".3 .2"), ("FR", ".3 -.2"), ("RL", "-.3 .2"), ("RR", "-.3 -.2")):
+        foot = f"{prefix}{name}_foot"
+        parts.append(urdf.link(foot, urdf.collision('sphere radius=".02"')))
+        parts.append(urdf.joint(f"{name}_leg", f"{prefix}trunk", foot, at=f"{at} -.3"))
+    feet = Robot.load(urdf.robot("quadruped", *parts), base="floating").feet.values()
+    assert [foot.link[len(prefix) :][:2] for foot in feet] == ["FL", "FR", "RL", "RR"]
+
+
 def test_names_are_split_into_words() -> None:
     for name in ("left_foot", "LeftFoot", "leftFoot", "left-foot_2", "LEFT_FOOT"):
         assert words_of(name) == {"left", "foot"}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from os.path import commonprefix
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,13 @@ def foot_of(link: str) -> str | None:
         return None
     ends = [end for end, marks in ENDS.items() if words & marks]
     return f"{ends[0]}_{found[0]}" if len(ends) == 1 and found[0] in SIDES else found[0]
+
+
+def _feet_by_name(model: pin.Model) -> dict[str, str]:
+    """Return the foot that a link's name says it is, but for what all links' names begin with."""
+    names = [str(frame.name) for frame in bodies_of(model)]
+    common = len(commonprefix(names).rpartition("_")[0])  # noqa: RUF071
+    return {name: foot for name in names if (foot := foot_of(name[common:]) or foot_of(name))}
 
 
 def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple[Array, str]:
@@ -134,7 +142,7 @@ def _named_positions(
     """Return the positions (3,) in the base of the given feet, or of links named as feet."""
     bodies = {str(frame.name): frame for frame in bodies_of(model)}
     if feet is None:
-        named = [(foot, frame) for name, frame in bodies.items() if (foot := foot_of(name))]
+        named = [(foot, bodies[name]) for name, foot in _feet_by_name(model).items()]
     else:
         named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
     return {
@@ -190,9 +198,10 @@ def guess_links(
     named = _named_feet(model, data, bodies)
     named += _below_ankles(model, named, bodies)
     lowest: dict[str, tuple[float, str]] = {}
+    by_name = _feet_by_name(model)
     for foot, frame in named:
         height = lowest_point(model, data, geometry, frame.parentJoint)
-        if foot_of(frame.name) is None:
+        if frame.name not in by_name:
             height += SAME_HEIGHT  # toes beside a sole are lower by less
         lowest[foot] = min(lowest.get(foot, (np.inf, "~")), (height, str(frame.name)))
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
@@ -296,8 +305,9 @@ def _named_feet(
     The r of ``rl_foot`` may mean rear or right: four feet are told apart by their positions.
     """
     called: dict[int, list[tuple[str, pin.Frame]]] = {}
+    by_name = _feet_by_name(model)
     for frame in bodies:
-        foot = foot_of(frame.name)
+        foot = by_name.get(frame.name)
         if foot is not None:
             called.setdefault(int(frame.parentJoint), []).append((foot, frame))
     named = []
