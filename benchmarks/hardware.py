@@ -165,14 +165,15 @@ def interrupted(bus: str, what: str, slower: float, domain: int) -> dict[str, An
             sent += READY_HOGS
             starve(sent)
         time.sleep(1.0 * slower)
-        time.sleep(2.0)  # for the process that writes the log
-        log = (Path(name) / "log.npz").exists()
+        log, latest = Path(name) / "log.npz", time.monotonic() + READY
+        while not log.exists() and time.monotonic() < latest:  # a process of its own writes it
+            time.sleep(0.1)
         events = [event for event in pair.end()["events"] if event[0] > sent / slower]
         brakes = [event[0] for event in events if "damping" in event[1]]
         return {
             "damping after [ms]": round(1e3 * (brakes[0] - sent / slower), 1) if brakes else None,
             "commanded again": any(event[1] == "commanded" for event in events),
-            "log": log,
+            "log": log.exists(),
         }
 
 
