@@ -501,6 +501,18 @@ def test_readings_may_be_lists_and_their_numbers_of_any_kind_of_integer(rig: Rig
     assert rig.safety.mode is Mode.RUNNING and rig.safety.counts[Fault.OUT_OF_ORDER] == 25
 
 
+@pytest.mark.parametrize("name", ["time", "sequence", "quaternion"])
+def test_a_reading_whose_field_is_no_number_is_told_by_its_name(name: str, rig: Rig) -> None:
+    """Without a time, or a number of its own, it ended the loop in a TypeError."""
+    wrong: dict[str, Any] = {name: np.full(4, np.nan) if name == "quaternion" else None}
+    for shift in (0.0, 1.0):  # then the robot's clock has jumped
+        rig.bus.inject(shifted(shift))
+        rig.cycles(0.1)
+    rig.bus.inject(lambda r, since, memory: [replace(r, **wrong)])
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.STOP and any(f"NaN: {name}" in what for what in told(rig))
+
+
 def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(tmp_path, monkeypatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -585,19 +597,21 @@ def test_the_page_has_the_tables_of_the_code() -> None:
             )
         ),
         *(
-            (f"sim g1 --bus udp --domain {domain} --duration 0.01 {asked}", told)
-            for domain, asked, told in (  # ports of their own, as they may run at once
-                (30, "--push nan,1,1,1", "push, at: must be finite, got nan"),
-                (31, "--push 1,1,inf,1", "push, force: NaN or infinite"),
-                (32, "--push 1,1,1,0", "push, duration: must be greater than 0, got 0"),
-                (33, "--interface eth99", "expected an address as 192.168.1.2, got 'eth99'"),
-                (34, "--report nowhere/x.json", "--report nowhere/x.json: there is no folder"),
+            (f"sim g1 --bus udp --domain {{domain}} --duration 0.01 {asked}", told)
+            for asked, told in (
+                ("--push nan,1,1,1", "push, at: must be finite, got nan"),
+                ("--push 1,1,inf,1", "push, force: NaN or infinite"),
+                ("--push 1,1,1,0", "push, duration: must be greater than 0, got 0"),
+                ("--interface eth99", "expected an address as 192.168.1.2, got 'eth99'"),
+                ("--report nowhere/x.json", "--report nowhere/x.json: there is no folder"),
             )
         ),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_it_matters(asked: str, told: str, tmp_path) -> None:
-    answer = wbc_command("hardware", *asked.format(log=tmp_path / "log.npz").split())
+    domain = 100 + os.getpid() % 10_000  # of ports of this process
+    words = asked.format(log=tmp_path / "log.npz", domain=domain).split()
+    answer = wbc_command("hardware", *words)
     assert answer.exit_code == 1 and told in answer.stderr
 
 

@@ -90,6 +90,9 @@ class Reading:
                     object.__setattr__(self, name, np.asarray(given, dtype=float))
         if isinstance(self.sequence, np.integer):  # whose differences wrap around
             object.__setattr__(self, "sequence", int(self.sequence))
+        for name in ("sequence", "time"):
+            if not isinstance(getattr(self, name), int | float | np.number):
+                object.__setattr__(self, name, np.nan)  # no number, as checks find
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +187,12 @@ def newest(
         else:
             last = message
     return last
+
+
+def thrown_away(dropped: Counter[str]) -> str:
+    """Return how many messages were dropped, and why, to end a sentence."""
+    counts = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
+    return f"; thrown away: {counts}" if counts else ""
 
 
 class Bus(Protocol):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.hardware.bus import JOINT_ROWS, RESTART_GAP, Reading, rows_of
+from wbc.hardware.bus import RESTART_GAP, ROWS, Reading, rows_of
 from wbc.hardware.safety import Fault
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
@@ -141,10 +141,13 @@ class SensorChecks:
         if joints is None or turns is None or imu is None:
             what = f"not of {len(self._names)} joints" if joints is None else "IMU"
             return SensorFinding(Fault.NOT_FINITE, what)
-        if not (np.isfinite(joints).all() and np.isfinite([*turns.flat, *imu.flat, r.time]).all()):
-            rows = zip(JOINT_ROWS, joints, strict=True)
-            wrong = [name for name, row in rows if not np.isfinite(row).all()]
-            return SensorFinding(Fault.NOT_FINITE, ", ".join(wrong) or "IMU or time")
+        others = [*turns.flat, *imu.flat, r.time, r.sequence]
+        if not (np.isfinite(joints).all() and np.isfinite(others).all()):
+            names, rows = (*ROWS, "time", "sequence"), (*joints, turns, *imu, *others[-2:])
+            wrong = [
+                name for name, row in zip(names, rows, strict=True) if not np.isfinite(row).all()
+            ]
+            return SensorFinding(Fault.NOT_FINITE, ", ".join(wrong))
         return self._check_time(r.time, now) or self._check_range(r) or self._check_jump(r)
 
     def _check_time(self, time: float, now: float) -> SensorFinding | None:
