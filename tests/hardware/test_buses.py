@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import os
 import socket
 import time
 from dataclasses import replace
@@ -15,11 +16,11 @@ import pytest
 
 from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading, thrown_away
 from wbc.hardware.operator import Script
 from wbc.hardware.ring_log import RingLog
 from wbc.hardware.robot_side import RobotSettings
-from wbc.hardware.ros import fill, joint_state, odometry, state_of
+from wbc.hardware.ros import fill, joint_state, odometry, stamp, state_of
 from wbc.hardware.setup import Where, loop_of, omissions, simulated_robot
 from wbc.hardware.udp import (
     UdpBus,
@@ -120,14 +121,31 @@ def test_udp_takes_each_command_once_and_the_newest_reading(reading, command: Co
             ask()
 
 
-@pytest.mark.parametrize("always", [OSError(errno.ENETDOWN, "network is down"), b"flood"])
+@pytest.mark.parametrize(
+    "always", [OSError(errno.ENETDOWN, "network is down"), (b"flood", ("127.0.0.1", 1))]
+)
 def test_a_loop_goes_on_beside_a_network_that_is_down_or_floods(always: object) -> None:
     """It read until nothing waited, for ever."""
     bus = UdpBus(N, port=0)
     bus.close()
-    answers = SimpleNamespace(fileno=lambda: 7, recv=Mock(side_effect=itertools.repeat(always)))
+    answers = SimpleNamespace(fileno=lambda: 7, recvfrom=Mock(side_effect=itertools.repeat(always)))
     bus._socket = answers  # type: ignore[assignment]
     assert bus.read() is None
+
+
+def test_packets_of_others_than_the_robot_are_dropped_and_counted(reading: Reading) -> None:
+    """Readings were taken of whoever sent them, and commands likewise."""
+    bus, stranger = UdpBus(N, "192.0.2.1", port=0), UdpRobotBus(N, port=0, controller_port=0)
+    heard = UdpBus(N, "127.1", port=0)
+    try:
+        for end, taken in ((bus, False), (heard, True)):
+            stranger._to = "127.0.0.1", end._socket.getsockname()[1]
+            stranger.send(reading)
+            assert (end.read() is not None) is taken
+        assert thrown_away(bus.dropped) == "; thrown away: 1 not of 192.0.2.1" and not heard.dropped
+    finally:
+        for one in (bus, stranger, heard):
+            one.close()
 
 
 def test_a_sender_that_was_begun_again_is_heard_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,7 +238,8 @@ def test_a_motor_is_as_warm_as_the_warmer_of_its_housing_and_winding(
 @pytest.mark.slow
 def test_dds_takes_each_command_once_and_the_newest_reading(g1, reading, command) -> None:
     pytest.importorskip("cyclonedds")
-    profile, domain = profile_named("unitree_g1"), 77
+    profile = profile_named("unitree_g1")
+    domain = os.getpid() % 200  # another suite may run at the same time
     robot = Where(interface="lo", domain=domain).open_robot(profile, g1)
     bus = Where(interface="lo", domain=domain).open(profile, g1)
     try:
@@ -317,6 +336,11 @@ def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
     message = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
     fill(message, {"header": joints["header"], "name": joints["name"]})
     assert message.header.stamp.nanosec == 42_000_000 and message.name == list(g1.joint_names)
+
+
+def test_a_time_that_is_no_number_is_refused_by_ros_messages() -> None:
+    with pytest.raises(InvalidInputError, match="ROS, time: must be finite, got nan"):
+        stamp(np.nan)
 
 
 def test_ros_messages_are_read_as_their_dictionaries(g1: Robot, reading: Reading) -> None:

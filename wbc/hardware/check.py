@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import WbcError
-from wbc.hardware.bus import Bus, Command, Reading
+from wbc.hardware.bus import Bus, Command, Reading, thrown_away
 from wbc.hardware.loop import SILENCE
 from wbc.hardware.real_time import CycleClock, now
 from wbc.hardware.safety import Fault, Mode, Safety
@@ -80,11 +80,9 @@ def listen(
             arrivals.append(arrival)
     if len(readings) < 10:
         first_fault = f"; first: {refused[0]}" if refused else ""
-        dropped = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
-        dropped_note = f"; thrown away: {dropped}" if dropped else ""
         raise WbcError(
             f"check: {len(readings)} usable readings in {seconds:g} s{first_fault}; is the robot on"
-            f" this interface and in its low-level mode?{dropped_note}"
+            f" this interface and in its low-level mode?{thrown_away(bus.dropped)}"
         )
     gaps, last = np.diff(arrivals), readings[-1]
     robot_gaps = np.diff([one.time for one in readings])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.hardware.bus import Bus, BusError, Command, Reading
+from wbc.hardware.bus import Bus, BusError, Command, Reading, thrown_away
 from wbc.hardware.log_row import log_fields, log_row
 from wbc.hardware.loop_result import HANGS, LoopResult, is_fault
 from wbc.hardware.loop_state import LoopState
@@ -285,6 +285,7 @@ class HardwareLoop:
         elif silence > SILENCE_NOTICE and not state.silence_reported:
             self._say(
                 f"nothing heard for {SILENCE_NOTICE:g} s{why}: is the robot on, and on this bus?"
+                f"{thrown_away(self.bus.dropped)}"
             )
             state.silence_reported = True
         if fresh is None and silence > SILENCE:

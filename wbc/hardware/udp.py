@@ -1,7 +1,8 @@
 """A bus by UDP: one packet for each message, without further packages or drivers.
 
 A packet is a header (magic word, kind, number of joints, flags, sequence, time), doubles, and the
-CRC-32 of all before it, little-endian. Packets with another length, header or CRC are dropped.
+CRC-32 of all before it, little-endian. Packets with another length, header or CRC are dropped, and
+those that another address than the other end's sent.
 """
 
 from __future__ import annotations
@@ -79,9 +80,8 @@ class _UdpEnd:
 
     def __init__(self, joints: int, to: tuple[str, int], port: int) -> None:
         self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
-        address, other = to
-        self._to = address, _port(other)
-        self._socket = _open_socket(address, port)
+        self._to = _address(to[0]), _port(to[1])
+        self._socket = _open_socket(self._to[0], port)
 
     def close(self) -> None:
         """Close the bus."""
@@ -91,8 +91,11 @@ class _UdpEnd:
         self, unpack: Callable[[bytes, int], Message | None], order: MessageOrder
     ) -> Message | None:
         """Return the newest waiting message; count the dropped."""
-        messages = (unpack(packet, self.joints) for packet in _receive_all(self._socket))
-        return newest(messages, order.is_new, self.dropped)
+        packets, peer = _receive_all(self._socket), self._to[0]
+        own = [one for one, sender in packets if sender == peer or peer.startswith("127.")]
+        if len(own) < len(packets):
+            self.dropped[f"not of {peer}"] += len(packets) - len(own)
+        return newest((unpack(one, self.joints) for one in own), order.is_new, self.dropped)
 
 
 class UdpBus(_UdpEnd):
@@ -172,12 +175,16 @@ def _unpack(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, Arr
     return flags, sequence, time, values
 
 
-def _open_socket(address: str, port: int) -> socket.socket:
-    check_word("UDP bus, address", address)
+def _address(given: str) -> str:
+    """Return an address with all of its four numbers."""
+    check_word("UDP bus, address", given)
     try:
-        socket.inet_aton(address)
+        return socket.inet_ntoa(socket.inet_aton(given))
     except OSError:
-        raise BusError(f"UDP bus: expected an address as 192.168.1.2, got {address!r}") from None
+        raise BusError(f"UDP bus: expected an address as 192.168.1.2, got {given!r}") from None
+
+
+def _open_socket(address: str, port: int) -> socket.socket:
     port = _port(port)
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -197,12 +204,13 @@ def _port(number: int) -> int:
     return whole_number("UDP bus, port", number, most=65535)
 
 
-def _receive_all(own: socket.socket) -> list[bytes]:
-    """Return the waiting packets; errors, as of an absent receiver, are ignored."""
-    packets = list[bytes]()
+def _receive_all(own: socket.socket) -> list[tuple[bytes, str]]:
+    """Return the waiting packets and their senders; errors, as of an absent one, are ignored."""
+    packets = list[tuple[bytes, str]]()
     for _ in range(_MAX_WAITING):
         try:
-            packets.append(own.recv(_MAX_PACKET))
+            packet, (sender, _) = own.recvfrom(_MAX_PACKET)
+            packets.append((packet, sender))
         except BlockingIOError:
             break
         except OSError as error:
