@@ -17,7 +17,7 @@ from wbc.errors import InvalidInputError, listed, shown
 from wbc.hardware.bus import Reading
 from wbc.hardware.robot_controller import configuration
 from wbc.robot import Robot
-from wbc.validate import Array, finite_array
+from wbc.validate import Array, finite_array, finite_number
 
 NANO = 1_000_000_000
 ROWS = 6  # of a pose's and a twist's covariance: linear, then angular
@@ -25,7 +25,7 @@ ROWS = 6  # of a pose's and a twist's covariance: linear, then angular
 
 def stamp(time: float) -> dict[str, int]:
     """Return a time [s] as ``builtin_interfaces/Time``."""
-    nanoseconds = round(time * NANO)
+    nanoseconds = round(finite_number("ROS, time", time) * NANO)
     return {"sec": nanoseconds // NANO, "nanosec": nanoseconds % NANO}
 
 
