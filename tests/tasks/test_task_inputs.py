@@ -48,6 +48,11 @@ WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
     "inertia shape": (lambda r: InertiaTask(r, [1, 2]), "expected a symmetric .* got shape"),
     "inertia": (lambda r: InertiaTask(r, np.arange(9.0).reshape(3, 3)), "symmetric"),
     "inertia below 0": (lambda r: InertiaTask(r, -np.eye(3)), "xx is negative"),
+    "inertia set below 0": (
+        lambda r: InertiaTask(r, np.eye(3)).set_target(np.diag([1.0, -1.0, 1.0])),
+        "yy is negative",
+    ),
+    "moment below 0": (lambda r: PrincipalInertiaTask(r, [1, -2, 1]), "-2 is negative"),
     "trace below 0": (lambda r: InertiaTask(r, -1.0, components="trace"), "trace is negative"),
     "inertia nan": (lambda r: InertiaTask(r, np.full((3, 3), NAN)), "NaN"),
     "inertia three": (lambda r: InertiaTask(r, [1, 2, 3]), "only those are controlled"),

@@ -111,9 +111,6 @@ class InertiaTask(Task):
         self._selection = read_only(scale * _selection(components))
         self._entries, self._factors = tuple(range(len(components))), self._selection.ravel()
         self.set_target(target)
-        for row, wanted in zip(components, self._wanted.tolist(), strict=True):
-            if wanted < 0.0 and row not in OFF_DIAGONAL:
-                raise InvalidInputError(f"{self}, target: {row} is negative, which no inertia is")
 
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "second_order":
@@ -135,6 +132,10 @@ class InertiaTask(Task):
     ) -> None:
         """Set the wanted inertia [kg m^2] and, if it moves, rate and acceleration in that form."""
         goal = vech_target(f"{self}, target", target, self.rows)
+        wanted = self._selection.dot(goal)
+        for row, entry in zip(self.rows, wanted.tolist(), strict=True):
+            if entry < 0.0 and row not in OFF_DIAGONAL:
+                raise InvalidInputError(f"{self}, target: {row} is negative, which no inertia is")
         if rate is not None:
             rate = vech_target(f"{self}, target rate", rate, self.rows)
         if acceleration is not None:
@@ -143,7 +144,7 @@ class InertiaTask(Task):
             bias = -self._selection @ self.target_rate
             drift = -self._selection @ self.target_acceleration
             self._assign(_bias=read_only(bias), _drift=read_only(drift))
-        self._assign(_goal=read_only(goal), _wanted=self._selection.dot(goal))
+        self._assign(_goal=read_only(goal), _wanted=wanted)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""

@@ -74,6 +74,10 @@ class PrincipalInertiaTask(Task):
         ``rate`` and ``acceleration`` (3,) are sorted as the moments are.
         """
         moments = finite_array(f"{self}, target", target, (3,))
+        if moments.min() < 0.0:
+            raise InvalidInputError(
+                f"{self}, target: {moments.min():g} is negative, which no inertia is"
+            )
         self._set_rates((3,), rate, acceleration)
         order = np.argsort(moments, kind="stable")
         self._assign(
