@@ -5,7 +5,7 @@ import pytest
 
 from tests.robot.test_feet_of_others import FOOT, TOE, biped
 from tests.simulation.idle import in_the_air
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Wall
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, Plant, Step, Terrain
@@ -33,6 +33,12 @@ def test_a_lifted_foot_that_touches_the_ground_is_a_fall(plant: Plant) -> None:
 def test_the_lifted_foot_must_exist(plant: Plant) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'right'"):
         FallWatch(plant, FallLimits(lifted="rihgt"))
+
+
+def test_a_tilt_in_degrees_is_refused() -> None:
+    """It was never reached, in silence."""
+    with pytest.raises(InvalidInputError, match=r"60 degrees are 1.05 rad"):
+        FallLimits(tilt=60)
 
 
 def test_toes_on_joints_of_their_own_may_touch_the_ground() -> None:

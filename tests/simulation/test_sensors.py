@@ -135,6 +135,7 @@ def test_a_fixed_base_is_known() -> None:
     [
         ({"position_noise": -1.0}, "position_noise"),
         ({"dropout": 1.5}, "probability"),
+        ({"dropout": 1.0}, "no frame comes"),  # a run without a tick, in silence
         ({"delay": np.nan}, "delay"),
         ({"seed": -1}, "seed"),
         ({"seed": 1.5}, "seed"),

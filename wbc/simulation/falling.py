@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,6 +45,11 @@ class FallLimits:
     def __post_init__(self) -> None:
         check_fields(self, "fall limits, ", "com_height", least=0.0)
         check_fields(self, "fall limits, ", "tilt", above=0.0)
+        if self.tilt > math.tau:
+            raise InvalidInputError(
+                f"fall limits, tilt: {self.tilt:g} rad are more than a turn; {self.tilt:g} degrees"
+                f" are {math.radians(self.tilt):.3g} rad, and 4 rad are never reached"
+            )
         check_word("fall limits, trunk", self.trunk)
         check_word("fall limits, lifted", self.lifted, empty=True)
         check_switches(self, "fall limits, ", "touch")

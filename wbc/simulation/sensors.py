@@ -54,8 +54,10 @@ class Sensors:
 
     def __post_init__(self) -> None:
         check_fields(self, "sensors, ", *_noises(), "delay", "latency", "dropout", least=0.0)
-        if self.dropout > 1.0:
-            raise InvalidInputError(f"sensors, dropout: a probability, got {self.dropout:g}")
+        if self.dropout >= 1.0:
+            raise InvalidInputError(
+                f"sensors, dropout: a probability below 1, or no frame comes; got {self.dropout:g}"
+            )
         set_fields(self, seed=seed_number("sensors, seed", self.seed))
 
 

@@ -93,6 +93,8 @@ def test_what_is_no_state_of_the_robot_is_refused_in_the_loop(viewer, robot) -> 
     ):
         with pytest.raises(InvalidInputError, match=said):
             viewer.update(*wrong)
+    with pytest.raises(InvalidInputError, match="phase: expected a name, got 5"):
+        viewer.update(snapshot, phase=5)  # type: ignore[arg-type]
     assert not viewer.closed
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.controllers import Controller, Tick
 from wbc.controllers.checks import check_parts
 from wbc.extras import require
-from wbc.kinds import check_kind
+from wbc.kinds import check_kind, check_word
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot, check_sizes
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -191,10 +191,13 @@ class Viewer:
         Raises
         ------
         InvalidInputError
-            Not a snapshot, or one of another robot; not a tick; or a time that is not finite.
+            Not a snapshot, or one of another robot; not a tick; a time that is not finite; or a
+            phase or remark that is no text.
         """
         check_sizes("Viewer.update", self.robot, snapshot)
         check_kind("Viewer.update, tick", tick, Tick, "controller.step(snapshot)", or_none=True)
+        for what, text in (("phase", phase), ("remark", remark)):
+            check_word(f"Viewer.update, {what}", text, empty=True)
         at = self._since_first() if time is None else finite_number("Viewer.update, time", time)
         self.steer()
         q, v = snapshot.q, snapshot.v
