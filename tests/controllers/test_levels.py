@@ -4,7 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import qpsolvers
+from scipy.sparse import csc_matrix
 
+from tests.conftest import random_state
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.core_memory import INFEASIBLE, CoreMemory
@@ -87,6 +90,7 @@ def test_the_command_is_that_of_the_last_level_solved(hoap2, monkeypatch) -> Non
     tasks = [
         ComTask(hoap2, here.com + [0.01, 0.0, 0.0]),
         PositionTask(hoap2, "left_palm", here.position("left_palm") + 0.1, priority=1),
+        ComTask(hoap2, here.com, name="again", singular_threshold=0.1, priority=2),
         PostureTask(hoap2, hoap2.posture("neutral"), priority=2),
     ]
 
@@ -102,11 +106,43 @@ def test_the_command_is_that_of_the_last_level_solved(hoap2, monkeypatch) -> Non
         memory.below += 1.0  # an attempt that came to nothing
         return INFEASIBLE
 
-    assert np.abs(tick(tasks).velocity - expected.velocity).max() > 0.01
+    whole = tick(tasks)
+    assert np.abs(whole.velocity - expected.velocity).max() > 0.01 and "again" in whole.singular
     monkeypatch.setattr(CoreMemory, "solve_level", fails)
     last = tick(tasks)
     np.testing.assert_allclose(last.velocity, expected.velocity, atol=1e-9)
-    assert last.left_out == ("level 2: posture",)
+    assert last.left_out == ("level 2: again, posture",) and not last.singular
+
+
+@pytest.mark.parametrize("seed", [69, 520, 2462])
+def test_a_level_that_is_hard_to_solve_has_another_attempt(hoap2, seed: int) -> None:
+    """Only the first one had: the second was left out. Oracle: Clarabel where the first is kept."""
+    pytest.importorskip("clarabel")
+    rng = np.random.default_rng(seed)
+    here = hoap2.snapshot(random_state(hoap2, rng)[0])
+
+    def turned(frame: str, weight: float, priority: int) -> OrientationTask:
+        target = here.rotation(frame) @ exp_rotation(0.3 * rng.normal(size=3))
+        law = {"weight": weight, "priority": priority, "gain": 0.3}
+        return OrientationTask(hoap2, frame, target, **law)
+
+    first = [turned("left_palm", 1000, 0), turned("right_sole", 1, 0)]
+    last, law = turned("right_palm", 0.01, 1), {"contacts": (), "limits": Limits(hoap2)}
+    alone, both = (
+        KinematicController(hoap2, tasks, **law, dt=DT, damping=1e-9).step(here)
+        for tasks in (first, [*first, last])
+    )
+    assert both.ok and not both.left_out
+    kept = np.vstack([task.residual(here).jacobian for task in first])
+    np.testing.assert_allclose(kept @ both.velocity, kept @ alone.velocity, atol=1e-9)
+    J, wanted = last.residual(here).jacobian, -0.3 / DT * last.residual(here).error
+    eye, x = np.eye(hoap2.nv), alone.velocity
+    parts = [csc_matrix(one) for one in (J.T @ J + 1e-6 * eye, kept)]
+    given = {"A": parts[1], "b": kept @ x, "lb": alone.qp.lower, "ub": alone.qp.upper}
+    best = qpsolvers.solve_qp(parts[0], -J.T @ wanted, **given, solver="clarabel")
+    assert best is not None
+    lost, least, before = (np.linalg.norm(J @ v - wanted) for v in (both.velocity, best, x))
+    assert lost < least + 1e-3 and least < 0.98 * before
 
 
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])

@@ -87,7 +87,7 @@ class TickRecording:
             self.plan, self.solver = core_parts(controller)
         self._last = seen
         found = self.plan.tick(seen)
-        if found is None or not found.solved:
+        if found is None or not found.is_whole:
             self.left_out[_REASONS.get(self.plan.memory.status, _REASONS[lib.UNSOLVED])] += 1
             return
         if not self.ticks:

@@ -304,7 +304,7 @@ class Controller(DeclaredAttributes, ABC):
             self._plan(self.contacts)
         elif self._core_suffices:
             core_tick = plan.tick(snapshot, (), None, self._ramp_limits, start_time)
-            if core_tick is not None and core_tick.solved:
+            if core_tick is not None and core_tick.is_whole:
                 return self._command(snapshot, core_tick)
         return self._step_in_python(snapshot, start_time, core_tick)
 
@@ -313,7 +313,7 @@ class Controller(DeclaredAttributes, ABC):
     ) -> Tick:
         """Return the command of a tick that the core alone does not solve.
 
-        ``core_tick``: the core's unsolved attempt, if it made one.
+        ``core_tick``: the core's attempt, if it made one: unsolved, or without its last levels.
         """
         if self._margins_in_core or not self.constraints:
             evaluate = self._evaluate_once(snapshot)
@@ -353,7 +353,7 @@ class Controller(DeclaredAttributes, ABC):
             if core_tick is None:
                 plan = self._replan(plan, evaluate(plan))
                 return self._solve(snapshot, plan, bounds, box, start_time, evaluate)
-        if core_tick.solved:
+        if core_tick.is_whole:
             return Outcome(core_tick)
         deadline_over = self._deadline_over(start_time)
         outcome = levels.solve(plan, core_tick, snapshot, box, simple, deadline_over)

@@ -94,13 +94,15 @@ class CoreTick:
         """By task with a singular threshold: how singular it is."""
         return {}
 
-    def set_first_solution(self, solution: Solution) -> None:
-        """Write another solver's solution of the first level into the core's memory."""
-        a, n = self.views, self.views.x.size
+    def set_solution(self, level: int, solution: Solution) -> None:
+        """Write another attempt's solution of a level into the core's memory."""
+        a, n = self.views_of(level), self.views.x.size
         a.x[:], a.y[:], a.z[:] = solution.x[:n], solution.y, solution.z
         a.z_box[:] = solution.z_box[:n]
-        a.found[:3], a.found[3:] = solution.residuals, (solution.iterations, 1.0)
-        self.first_solution = solution
+        a.found[:3], a.found[3] = solution.residuals, solution.iterations
+        self.views.found[4] = level + 1.0
+        if level == 0:
+            self.first_solution = solution
 
     def replace_by(self, other: CoreTick) -> None:
         """Become ``other``, a tick at the same snapshot in other memory."""
@@ -115,6 +117,11 @@ class CoreTick:
             return 0
         solved = self._out.item(self._layout.found.stop - 1)
         return max(int(solved) - 1, 0)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether there is a command by all levels."""
+        return self.solved and self.level == self._memory.levels - 1
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -2,7 +2,8 @@
 
 For singular tasks and bounded braking the QP of each level is modified in the core's memory before
 it is solved: see :mod:`wbc.controllers.singular` and :mod:`wbc.controllers.braking`. And if the
-core's first attempt at the first level fails, or another solver was chosen, that is called here.
+core's first attempt at a level fails, or another solver was chosen for the first one, that is
+called here.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ import numpy as np
 from wbc.constraints.limits import Box, Limits
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.core_memory import DONE, LEADS_INSIDE, MORE_ROWS, NOT_FINITE, NOT_MEASURED
-from wbc.controllers.core_plan import CorePlan
+from wbc.controllers.core_plan import TOLERANCE, CorePlan
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.plan import LevelPlan
-from wbc.controllers.singular import reduce_singular
+from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.laws import Rows
 from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.problem import check_qp
@@ -70,7 +71,7 @@ class Levels:
         simple: bool,
         deadline_over: bool,
     ) -> Outcome:
-        """Solve the levels of a tick that the core did not solve.
+        """Solve the levels of a tick that the core did not solve, all or those below others.
 
         Parameters
         ----------
@@ -81,6 +82,8 @@ class Levels:
         """
         names = self._plan.decision.names
         status: int | None = core.memory.status
+        if core_tick.solved:
+            return self._with_left_out(core, core_tick, deadline_over).within_limits(names)
         if simple:
             status = status if core.solves else None
         else:
@@ -100,11 +103,11 @@ class Levels:
             if deadline_over:
                 core_tick.skipped += (RETRIED,)
             return Outcome(core_tick, solution)
-        core_tick.set_first_solution(solution)
+        core_tick.set_solution(0, solution)
         core_tick.solved = core.memory.descend() in (DONE, LEADS_INSIDE)
         if core.memory.struct.closing:  # closing loops may have solved it again
             core_tick.first_solution = None
-        return Outcome(core_tick).within_limits(names)
+        return self._with_left_out(core, core_tick, deadline_over).within_limits(names)
 
     def relaxed_box(self, core_tick: CoreTick, snapshot: Snapshot) -> Box | None:
         """Return the box relaxed as far as rows need it; None: it is relaxed already."""
@@ -117,29 +120,64 @@ class Levels:
     def _one_by_one(self, core: CorePlan, core_tick: CoreTick, snapshot: Snapshot) -> int | None:
         """Modify and solve level by level; return the core's status at the first."""
         memory = core.memory
-        for level in range(len(self._plan.levels)):
-            above = memory.below.copy() if level > 1 else None  # a level overwrites that above it
-            posed = level == 0 or memory.pose_level(level) == DONE
-            if posed and self.modifies_qps:
-                self._modify_qp(core, core_tick, level, snapshot)
-            if posed and core.solve_level(core_tick, level):
-                continue
-            if above is not None:
-                memory.below[:] = above
-            if level:
-                break
+        core_tick.singular |= self._modify_qp(core, core_tick, 0, snapshot)
+        if not core.solve_level(core_tick, 0):
             status = memory.status if core.solves else None
             solution = self.first.solve(core_tick, status, self._plan.workspace, False)
             if not solution.solved:
                 return status
-            core_tick.set_first_solution(solution)
+            core_tick.set_solution(0, solution)
+        for level in range(1, len(self._plan.levels)):
+            if not self._solve_below(core, core_tick, level, snapshot):
+                break
         core_tick.solved = memory.finish() == DONE
         return DONE
 
+    def _with_left_out(self, core: CorePlan, core_tick: CoreTick, deadline_over: bool) -> Outcome:
+        """Make another attempt at the levels that the core left out."""
+        memory, last = core.memory, core_tick.level
+        if not core_tick.is_whole and not (deadline_over or memory.struct.closing):
+            for level in range(last + 1, len(self._plan.levels)):
+                if not self._solve_below(core, core_tick, level):
+                    break
+            if core_tick.level > last and memory.finish() == LEADS_INSIDE:
+                return Outcome(core_tick, _not_measured(core_tick))
+        return Outcome(core_tick)
+
+    def _solve_below(
+        self, core: CorePlan, core_tick: CoreTick, level: int, snapshot: Snapshot | None = None
+    ) -> bool:
+        """Solve a level below the first; without a solution what was found above it stays.
+
+        ``snapshot``: of ticks whose QPs are modified.
+        """
+        memory, singular = core.memory, dict[str, Singularity]()
+        above = memory.below.copy()  # a level overwrites that above it
+        if memory.pose_level(level) == DONE:
+            if snapshot is not None:
+                singular = self._modify_qp(core, core_tick, level, snapshot)
+            solved = core.solve_level(core_tick, level)
+            if not solved:
+                found = self.first.solve_below(core_tick.qp_of(level), core_tick.slack_weights)
+                solved = found.solved and found.residuals.primal <= TOLERANCE
+                if solved:
+                    core_tick.set_solution(level, found)
+            if solved:
+                core_tick.singular |= singular
+                return True
+        memory.below[:] = above
+        return False
+
     def _modify_qp(
         self, core: CorePlan, core_tick: CoreTick, level: int, snapshot: Snapshot
-    ) -> None:
-        """Reduce the demand of singular rows, and gains so that joints can stop."""
+    ) -> dict[str, Singularity]:
+        """Reduce the demand of singular rows, and gains so that joints can stop.
+
+        Return how singular tasks are, by name.
+        """
+        if not self.modifies_qps:
+            return {}
+        found = dict[str, Singularity]()
         rows, qp = core.cost_rows(core_tick, level), core_tick.qp_of(level)
         if any(row.singular_threshold for _, row in rows):
             held = Rows(qp.A, qp.b, np.ones(qp.b.size))
@@ -152,9 +190,10 @@ class Levels:
                     lost = before.target - after.target
                     qp.g[:] += (np.square(before.weight) * lost) @ before.matrix
                     before.target[:] = after.target
-            core_tick.singular |= {names[k]: one for k, one in singular.items()}
+            found = {names[k]: one for k, one in singular.items()}
         if self.bounds_braking and self._limits is not None:
             scale_gains_to_brake(qp, [row for _, row in rows], self._limits, snapshot, self._dt)
+        return found
 
 
 def _not_measured(core_tick: CoreTick) -> Solution:
