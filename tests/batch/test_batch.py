@@ -142,9 +142,14 @@ def test_a_row_of_a_simulation_and_of_a_pendulum(tmp_path: Path) -> None:
         "tasks: {posture: {type: posture, weight: 1.0}, com: {type: com, target: start}}\n"
         "controller: {level: torque, solver: active_set}\nsimulation: {duration: 0.05}\n"
     )
+    (tmp_path / "shape.yaml").write_text(
+        "robot: hoap2_like\nsupport: double\nstop: {duration: 5}\n"
+        "tasks: {shape: {type: inertia, target: {scale: 3}}, com: {type: com, target: start}}\n"
+    )
     path = tmp_path / "campaign.yaml"
-    path.write_text(f"problems: [push.yaml, {root / 'rmp_static_lean.yaml'}]\n")
-    pushed, leant = alone(load_campaign(path))
+    path.write_text(f"problems: [push.yaml, {root / 'rmp_static_lean.yaml'}, shape.yaml]\n")
+    pushed, leant, shaped = alone(load_campaign(path))
+    assert "of what is wanted" in shaped["reach"] and pushed["reach"] is None
     assert pushed["status"] == "stood" and pushed["stood"] is True and pushed["solved"] is True
     assert 0.0 < pushed["error.com"] < 1e-2 and pushed["peak_tilt"] < 0.1
     assert pushed["time"] == pytest.approx(0.05) and pushed["ticks"] == 25

@@ -97,6 +97,7 @@ def _of_run(result: Result) -> Row:
     times = result.tick_times()["cpu"]
     row = {
         **_ending(result),
+        "reach": result.reach or None,
         "ticks": len(result.history),
         "time": len(result.history) * result.dt,
         "failed_ticks": len(result.failures),

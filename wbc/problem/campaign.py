@@ -260,7 +260,9 @@ def _uniform(random: np.random.Generator, low: Any, high: Any) -> Any:
         return [_uniform(random, a, b) for a, b in zip(low, high, strict=True)]
     numbers = [one for one in (low, high) if type(one) in (int, float) and np.isfinite(one)]
     if len(numbers) < 2:
-        raise InvalidInputError(f"expected two numbers, or two lists alike, got {[low, high]}")
+        raise InvalidInputError(
+            f"expected two numbers, or two lists alike, got {[low, high]}; choices go into grid:"
+        )
     if not 0.0 <= high - low < np.inf:
         raise InvalidInputError(f"expected the lower number first, got {[low, high]}")
     return float(random.uniform(low, high))
