@@ -63,6 +63,8 @@ def test_every_key_and_entry_has_its_line() -> None:
         ("a: b: c\n", 1, "needs quotes"),
         ("a: [1, 2\nb: 3\n", 2, "not valid YAML"),
         ("a: 'x\nb: 1\nc: 2\n", 1, "a closing quote is missing"),  # where it opens
+        ("t: {a:1}\n", 1, "t.a:1: a blank is missing after the colon: {a: 1}"),
+        ("t: {a:{b: 1}}\n", 1, "or a blank after a colon, as in {a: 1"),
         ("joints: {*_knee: 1}\n", 1, "needs quotes"),
         ("a: " + "9" * 5000 + "\n", 1, "not a usable number"),
         ("a: !!int x\n", 1, "not a usable number"),

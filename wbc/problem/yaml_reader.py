@@ -48,6 +48,7 @@ _HINTS = {
     "too far?",
     "found unexpected end of stream": "a closing quote is missing",
     "<stream end>": "a closing bracket is missing",
+    "expected ',' or '}'": "is a comma missing, or a blank after a colon, as in {a: 1, b: 2}?",
     "expected <block end>": "this line is indented differently from its neighbours",
 }
 _STAR = re.compile(r"(?:^|[\s{\[,])\*\w")
@@ -198,6 +199,9 @@ class _Walk:
             if data and not value_node.value and str(key_node.value).isdecimal():
                 self._refuse_comma((*path, last := next(reversed(data))), data[last], key_node)
             key = self._key(key_node, path)
+            if node.flow_style and ":" in key and not (key_node.style or value_node.value):
+                spaced = "{" + key.replace(":", ": ") + "}"
+                raise self._error((*path, key), f"a blank is missing after the colon: {spaced}")
             here = (*path, key)
             if key in data:
                 first = self.lines[here]
