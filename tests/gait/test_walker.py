@@ -89,6 +89,7 @@ def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:
         ("wanted", None, "wanted: expected a Velocity"),
         ("limits", 0.3, "limits: expected a CommandLimits"),
         ("gait", {"height": 0.2}, "gait cannot be assigned; make another Walker"),
+        ("dt", 0.004, "dt cannot be assigned; make another Walker"),  # its controller kept the old
         ("controller", None, "controller cannot be assigned; make another Walker"),
     ],
 )

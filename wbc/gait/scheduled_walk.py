@@ -106,11 +106,11 @@ class ScheduledWalk:
         if not self._moves:
             self._commanded = in_plane(snapshot.com)
             self._moves = not self.walker.wanted.at_rest
-        self.walker.dt = ticks * dt
+        self.walker.__dict__["dt"] = ticks * dt  # fixed but for ticks that were missed
         try:
             self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
         finally:
-            self.walker.dt = dt
+            self.walker.__dict__["dt"] = dt
         vx, vy, _ = self.walker.velocity
         self._commanded += complex(vx, vy) * cmath.rect(ticks * dt, self.walker.heading)
         self._com = in_plane(snapshot.com)

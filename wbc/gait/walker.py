@@ -102,7 +102,7 @@ KINDS = {
     "limits": (CommandLimits, "dataclasses.replace(walker.limits, forwards=0.3)"),
     **dict.fromkeys(("velocity", "wanted"), (Velocity, "Velocity(0.3); or walker.command(0.3)")),
 }
-FIXED = frozenset(("robot", "gait", "controller"))
+FIXED = frozenset(("robot", "gait", "controller", "dt"))
 # Settings of its controller that a walker is given by name; contacts are the walk's own.
 SETTINGS = sorted({*signature(TorqueController).parameters} - {"more", "contacts"})
 
