@@ -1,5 +1,7 @@
 """Plans for another robot, place or soles are refused, with the numbers that do not fit."""
 
+from dataclasses import replace
+
 import pytest
 
 from tests.tracking.conftest import FEET, crouching
@@ -36,6 +38,14 @@ def test_mismatches_are_all_named(start: Snapshot, own: RobotPendulum) -> None:
     assert "principal moments of inertia begin at" in told
     assert "phase 'stand' has the CoP up to" in told and "mm outside the soles" in told
     assert "wbc.pendulum_of" in told
+
+
+def test_a_plan_that_begins_turned_is_refused(start: Snapshot, own: RobotPendulum) -> None:
+    """Only the moments were compared, which are the same."""
+    turned = replace(own.rest, rotation=(0.0, 0.5, 0.0))
+    with pytest.raises(PlanMismatchError, match="principal axes of inertia begin turned") as caught:
+        check_plan(solve(crouching(own, start=turned)), start, FEET)
+    assert ";" not in str(caught.value).split("; plan with")[0]  # nothing else is wrong
 
 
 def test_flights_and_supports_of_other_feet_are_refused(

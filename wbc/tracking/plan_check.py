@@ -11,6 +11,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
 from wbc.robot import Snapshot
+from wbc.rotations import rotations_from
 from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:  # plans load CasADi
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # plans load CasADi
 
 MASS_TOLERANCE = 0.01  # of mass and gravity, relative: errors of forces are as large
 COM_TOLERANCE = 0.05  # m, of the first CoM, which a push may displace before the plan begins
-INERTIA_TOLERANCE = 0.15  # of the first principal moments of inertia, relative
+INERTIA_TOLERANCE = 0.15  # of the first principal moments of inertia, and of the inertia, relative
 SUPPORT_TOLERANCE = 2e-3  # m, of a support outside the soles
 GROUND_TOLERANCE = 5e-3  # m, of soles from the ground, which plans have at z = 0
 
@@ -98,6 +99,15 @@ def _body_mismatches(plan: Plan, start: Snapshot) -> Iterator[str]:
         yield (
             f"its principal moments of inertia begin at {_numbers(planned)} kg m^2, the robot's"
             f" are {_numbers(own)}, {100.0 * difference:.0f} % apart"
+        )
+        return
+    R = rotations_from(first.orientation[:1])[0]
+    turned = np.linalg.norm((R * first.inertia[0]) @ R.T - start.inertia)
+    difference = float(turned / np.linalg.norm(own))
+    if difference > INERTIA_TOLERANCE:
+        yield (
+            "its principal axes of inertia begin turned from the robot's, by"
+            f" {100.0 * difference:.0f} % of the inertia"
         )
 
 
