@@ -290,7 +290,8 @@ class TorqueController(Controller):
         out shrinks from what it bears, and only then it is dropped: until then it is held, with the
         slack that it had, and ``tick.ramps`` says so. Contacts with friction that were not there in
         the last tick are new; grips and other free forces come and go at once, and so does all
-        before the first tick. Solvers keep their warm starts for each set of contacts.
+        before the first tick. Ticks that raise count, too: their time passes. Solvers keep
+        their warm starts for each set of contacts.
 
         Parameters
         ----------
