@@ -96,17 +96,23 @@ def test_corner_forces_add_up_to_the_wrench(here, layout, rng) -> None:
 
 
 def test_the_cop_is_the_mean_of_points_by_their_load(here, layout, rng) -> None:
+    """Those of a surface that is a wall's, a turned palm's, are none of it."""
     f = np.zeros(layout.size)
     assert Reaction(layout, here, f).cop() is None
     normal = np.array([name.endswith("fz") for name in layout.names])
     f[normal] = rng.uniform(0.1, 1.0, normal.sum())
-    reaction = Reaction(layout, here, f)
-    found = reaction.corner_forces()
-    points = np.concatenate([points for points, _ in found.values()])
-    np.testing.assert_allclose(reaction.cop(), f[normal] @ points / f[normal].sum(), atol=1e-12)
+    q = here.q.copy()
+    upright = pin.Quaternion(here.rotation("left_sole").T) * pin.Quaternion(q[3:7])
+    for tilt, counted in ((0.7, slice(0, None)), (0.9, slice(-1, None))):  # the last is the point
+        q[3:7] = (pin.Quaternion(pin.utils.rotate("x", tilt)) * upright).coeffs()
+        reaction = Reaction(layout, here.robot.snapshot(q), f)
+        found = reaction.corner_forces()
+        points = np.concatenate([points for points, _ in found.values()])[counted]
+        loads = f[normal][counted]
+        np.testing.assert_allclose(reaction.cop(), loads @ points / loads.sum(), atol=1e-12)
     # Less than a millionth of a newton is no load.
     for newtons, loaded in ((0.9e-6, False), (1.1e-6, True)):
-        small = replace(reaction, f=f * newtons / (UNIT * f[normal].sum()))
+        small = replace(reaction, f=f * newtons / (UNIT * loads.sum()))
         assert (small.cop() is not None) is loaded
 
 

@@ -274,7 +274,9 @@ class Reaction:
         """
         total, moment = 0.0, np.zeros(3)
         for part in self.layout.parts:
-            if part.surface is not None and part.normal[2] > LEAST_NORMAL_Z:
+            if part.surface is None:
+                continue
+            if part.axes(self.snapshot)[2] @ part.normal > LEAST_NORMAL_Z:
                 normal = part.normal_forces(self.f)
                 total += float(normal.sum())
                 moment += normal @ part.points(self.snapshot)
