@@ -19,6 +19,7 @@ from tests.conftest import MIXED
 from tests.standing import standing
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
+from wbc.robot.passive import PassiveForces, Spring
 
 Load = Callable[[str], Robot]
 
@@ -28,15 +29,21 @@ def here(g1: Robot) -> Snapshot:
     return standing(g1)
 
 
-@pytest.mark.parametrize("name", ["g1", "talos", "hoap2_like", "icub", "romeo"])
+@pytest.mark.parametrize("name", ["g1", "talos", "hoap2_like", "icub", "romeo", "sprung"])
 def test_torques_and_forces_balance_gravity(name: str, robot_named: Load) -> None:
-    """Oracle: Pinocchio's generalized gravity; forces inside the exact cones."""
-    robot = robot_named(name)
+    """Oracle: Pinocchio's generalized gravity; forces inside exact cones; springs give -k x."""
+    robot = robot_named("hoap2_like" if name == "sprung" else name)
+    if name == "sprung":
+        knee = {"left_knee_pitch": Spring(8.0, (0.0, 0.0), rest=0.3)}
+        robot = replace(robot, passive=PassiveForces(knee))
     here = standing(robot)
     stance = wbc.stance_torques(here, iter(wbc.support(here, "double")))
     assert stance.ok and stance.report() == "can stand"
     model, data = robot.model, robot.model.createData()
     needed = pin.computeGeneralizedGravity(model, data, here.q)
+    if name == "sprung":
+        knee_entry = robot.joint_index("left_knee_pitch")
+        needed[knee_entry] += 8.0 * (here.joint_positions[knee_entry - 6] - 0.3)
     pin.computeJointJacobians(model, data, here.q)
     pin.updateFramePlacements(model, data)
     for frame, wrench in stance.forces.items():

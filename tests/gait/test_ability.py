@@ -1,6 +1,7 @@
 """What legs lack for walking is said before they walk."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -16,13 +17,18 @@ from wbc.gait.ability import bearing_torques, pressure_offset
 from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
+from wbc.robot.passive import PassiveForces, Spring
 from wbc.simulation import Plant, simulate
 
 
 @pytest.mark.parametrize(("name", "ahead"), [("hoap2_like", 0.0), ("g1", 0.0), ("g1", -0.03)])
 def test_bearing_torques_are_those_of_a_tilted_gravity(name: str, ahead: float) -> None:
-    """By Pinocchio: recursive Newton-Euler at rest, with gravity along the pressure's line."""
-    robot: Robot = load(name)
+    """By Pinocchio: recursive Newton-Euler at rest, with gravity along the pressure's line.
+
+    A spring takes -k x off its joint.
+    """
+    joint = load(name).joint_names[3]
+    robot: Robot = replace(load(name), passive=PassiveForces({joint: Spring(8.0, (0, 0), 0.3)}))
     s = robot.snapshot(robot.posture())
     foot = robot.feet["left"].frame
     R = s.rotation(foot)
@@ -36,6 +42,7 @@ def test_bearing_torques_are_those_of_a_tilted_gravity(name: str, ahead: float) 
     zero = np.zeros(robot.nv)
     tau = pin.rnea(model, model.createData(), s.q, zero, zero, push)
     np.testing.assert_allclose(tau[:6], 0.0, atol=1e-9)  # the line goes through the CoM
+    tau[9] += 8.0 * (s.joint_positions[3] - 0.3)
     np.testing.assert_allclose(bearing_torques(s, foot, ahead), tau[6:], atol=1e-9)
 
 

@@ -108,8 +108,9 @@ def stance_torques(
 ) -> Stance:
     """Return the torques that keep a robot in static equilibrium, or come nearest to it.
 
-    In statics: bias = [0; tau] + J' f with forces inside their cones. Torques have the least sum of
-    squares within the limits, if possible; otherwise they exceed the limits least.
+    In statics: bias = [0; tau] + J' f + passive, with contact forces f inside their cones and what
+    springs give. Torques have the least sum of squares within the limits, if possible; otherwise
+    they exceed the limits least.
 
     Parameters
     ----------
@@ -139,7 +140,8 @@ def stance_torques(
     forces = ContactForces(robot, mechanics_of(robot, given), weight)
     most = factor * robot.limits.effort
     most[[robot.joint_index(name) - 6 for name in robot.motorless]] = 0.0
-    known, by_force = rest.bias / weight, forces.generalized(rest)
+    known = (rest.bias - robot.passive_forces_at(rest)) / weight
+    by_force = forces.generalized(rest)
     qp = _statics(forces, known, by_force, most / weight)
     solution = ActiveSet().solve(qp, quick=True)
     if solution.status is not Status.SOLVED:

@@ -124,7 +124,7 @@ def bearing_torques(posture: Snapshot, sole: str, ahead: float = 0.0) -> Array:
     The CoM is still between the feet, and the robot moves as one body without turning, as a linear
     inverted pendulum: c'' = g/h (c - p), with the CoP p at ``ahead`` of the sole's frame [m]. The
     force M (c'' + g) then goes through the CoM, so that the base's equations of motion hold. Joints
-    without a motor get no torque: loops and gears pass it on to the motors.
+    without a motor get no torque, but for their springs': loops and gears pass it on to the motors.
     """
     robot, J, offset = posture.robot, posture.jacobian(sole), ahead * posture.rotation(sole)[:, 0]
     p = posture.position(sole) + offset
@@ -134,6 +134,7 @@ def bearing_torques(posture: Snapshot, sole: str, ahead: float = 0.0) -> Array:
     acceleration = np.zeros(robot.nv)
     acceleration[:3] = posture.rotation(BASE).T @ (force / robot.mass - up)
     borne = J[:3].T @ force + J[3:].T @ np.cross(offset, force)
+    borne += robot.passive_forces_at(posture)
     torques = np.asarray((posture.mass_matrix @ acceleration + posture.bias - borne)[BASE_NV:])
     passive = [robot.joint_index(name) - BASE_NV for name in robot.motorless]
     ties = [tie for tie in mechanics_of(robot, ()) if not isinstance(tie, BoltedBase)]
