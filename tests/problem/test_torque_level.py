@@ -49,6 +49,19 @@ def test_a_file_makes_the_controller_that_python_makes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(robot.model.armature[6:], 0.003)
 
 
+def test_a_capture_point_moves_by_the_gravity_of_the_robot(tmp_path: Path) -> None:
+    file = '<mujoco><option gravity="0 0 -1.62"/><worldbody><body name="b" pos="0 0 0.5">'
+    file += '<freejoint/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    (tmp_path / "moon.xml").write_text(file)
+    text = "robot: {model: moon.xml}\nsupport: floating\ncontroller: {level: torque}\ntasks:\n"
+    one = problem(
+        tmp_path, f"{text}  com: {{type: com, axes: [x, y], target: start, law: capture_point}}\n"
+    )
+    (com,) = one.executor().controller.tasks
+    height = float(one.parts.robot.snapshot(one.parts.start).com[2])
+    assert com.acceleration_law == AccelerationLaw.capture_point(height, gravity=1.62)
+
+
 def test_a_first_tick_is_solved_and_stands_still(tmp_path: Path) -> None:
     one = problem(tmp_path)
     tick = one.executor().controller.step(one.parts.robot.snapshot(one.parts.start))

@@ -121,7 +121,8 @@ class ComSpec(ErrorTaskSpec):
         given = CapturePointLaw(type="capture_point") if isinstance(self.law, str) else self.law
         if given.spin is not None and given.spin < given.gain:
             raise Misplaced(f"is below gain, {given.gain:g}", "law", "spin")
-        law = AccelerationLaw.capture_point(float(start.com[2]), given.gain)
+        gravity = start.robot.gravity
+        law = AccelerationLaw.capture_point(float(start.com[2]), given.gain, gravity)
         return {"kp": law.kp, "kd": law.kd}
 
     def _attendant(self, task: ComTask) -> Callable[[Controller], UpdateLaw] | None:
