@@ -7,7 +7,7 @@ import pytest
 
 from wbc.codegen import CodegenError
 from wbc.codegen.recording import check_kind
-from wbc.constraints import PointContact, support
+from wbc.constraints import Contact, PointContact, support
 from wbc.constraints.com_support import support_polygon
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError
@@ -124,6 +124,17 @@ def test_without_soles_the_law_is_the_plain_one(start: Snapshot) -> None:
         gain.prepare(moving(start, start.com[:2] + (0.5, 0.5)))
         assert gain.value == 3.0
         assert np.isfinite(gain.task.acceleration_law.kp)
+
+
+def test_a_palm_on_a_wall_widens_no_support(start: Snapshot) -> None:
+    """Between the soles and the wall half a metre ahead there is nothing to stand on."""
+    ahead = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    corners, place = [[0.1, 0.0], [-0.1, 0.1], [-0.1, -0.1]], start.com + (0.5, 0.0, 0.3)
+    palm = Contact(start.robot, "right_rubber_hand", place, ahead, corners=corners)
+    gain = gain_of(start)
+    gain.controller.set_contacts([*gain.controller.contacts, palm])
+    gain.prepare(moving(start, start.com[:2] + (0.2, 0.0)))
+    assert gain.value == 20.0
 
 
 def test_an_axis_that_is_not_driven_says_nothing(start: Snapshot) -> None:

@@ -11,7 +11,7 @@ from wbc.robot import Snapshot
 from wbc.tasks import Task
 from wbc.validate import Array
 
-MIN_UPWARDS = 0.5  # z of a point contact's normal: smaller, it is on a wall
+MIN_UPWARDS = 0.5  # z of a contact's normal: smaller, it is on a wall
 
 
 class SoleContact(NamedTuple):
@@ -38,7 +38,7 @@ def standing_soles(contacts: Sequence[Task]) -> list[SoleContact]:
         for one in contacts
         if isinstance(one, Contact)
         and one.corners is not None
-        and not (isinstance(one, PointContact) and one.normal[2] < MIN_UPWARDS)
+        and (one.normal if isinstance(one, PointContact) else one.rotation[:, 2])[2] >= MIN_UPWARDS
     ]
 
 
