@@ -355,6 +355,20 @@ def test_mot_in_mm_is_read_with_a_note(tmp_path: Path) -> None:
     assert any("points of f1 are taken for mm" in note for note in found.notes)
 
 
+def test_mot_torques_about_the_origin_are_read_with_a_note(tmp_path: Path) -> None:
+    """As AddBiomechanics' ``initial_off_treadmill`` has them: the moment counted twice."""
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    force, point = np.array([10.0, 700.0, -5.0]), np.array([0.1, 0.0, -0.2])
+    moment = np.cross(point, force) + (0.0, 3.0, 0.0)
+    names = [f"ground_{kind}{axis}" for kind in ("force_v", "force_p", "torque_") for axis in "xyz"]
+    row = " ".join(map(str, (*force, *point, *moment)))
+    text = f"endheader\ntime {' '.join(names)}\n0.0 {row}\n0.1 {row}\n"
+    (tmp_path / "a.mot").write_text(text)
+    found = read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot")
+    np.testing.assert_allclose(found.plates[0].moment, [moment, moment])
+    assert any("torques of ground_force" in note for note in found.notes)
+
+
 def test_notes_on_plates_of_another_file_are_told(march: March, tmp_path: Path) -> None:
     path, _ = march
     _with(path, "FORCE_PLATFORM", TYPE=[7.0])

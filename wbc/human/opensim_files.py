@@ -16,6 +16,7 @@ MAX_MARKERS = 1000
 MIN_FORCE = 10.0  # N: below it a plate's CoP is noise, and its force is set to 0
 # m, of points from the origin, and of free torques by the force: what is larger is in (N) mm.
 MAX_POINT, MAX_FREE_ARM = 20.0, 0.5
+ABOUT_ORIGIN = 0.1  # of a force's level moment about the origin: a torque no further off is that
 _COLUMN, _WORD = re.compile("(.*?)_?([vpm]?)([xyz])"), re.compile("_?(force|torque|moment)")
 
 
@@ -100,9 +101,9 @@ def read_plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
     """Return the force plates of an OpenSim MOT or STO file, and notes.
 
     Columns ``..._vx`` to ``..._vz`` are the force, ``..._px`` to ``..._pz`` its point, and those
-    with ``torque`` or ``moment`` in their names the torque there, in N, m and N m, or in mm and
-    N mm, as OpenSim's reader of C3D files gives them. Points and torques of an unloaded plate may
-    be missing.
+    with ``torque`` or ``moment`` in their names the torque there (or about the origin, which is
+    noted), in N, m and N m, or in mm and N mm, as OpenSim's reader of C3D files gives them. Points
+    and torques of an unloaded plate may be missing.
 
     Raises
     ------
@@ -143,7 +144,15 @@ def read_plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
             torque = (1e-3 if np.median(arms) > MAX_FREE_ARM else 1.0) * torque
             notes.append(f"points of {plate} are taken for mm: in m they would be far away")
         force = np.where(loaded[:, None], force, 0.0)
-        moment = np.where(loaded[:, None], np.cross(point, force) + torque, 0.0)
+        moment = np.where(loaded[:, None], np.cross(point, force), 0.0)
+        torque = np.where(loaded[:, None], torque, 0.0)
+        # The torque at a CoP has no level components; that about the origin has the moment's.
+        level = np.delete((moment, torque), np.abs(force).sum(axis=0).argmax(), axis=2)
+        if np.linalg.norm(level[1] - level[0]) < ABOUT_ORIGIN * np.linalg.norm(level[0]):
+            notes.append(f"torques of {plate} are taken about the origin, not at its points")
+            moment = torque
+        else:
+            moment = moment + torque
         plates.append(ForcePlate(plate, rows[:, 0], force, moment))
     return tuple(plates), tuple(notes)
 
