@@ -137,6 +137,15 @@ def test_what_makes_no_sense_is_refused(hoap2: Robot) -> None:
         DistanceTask(hoap2, LEFT, LEFT, 0.1)
     with pytest.raises(InvalidInputError, match="never moves as seen from itself"):
         RelativePoseTask(hoap2, LEFT, LEFT, np.zeros(3), np.eye(3))
+    apart = DistanceTask(hoap2, LEFT, RIGHT, 0.1)
+    seen = RelativePoseTask(hoap2, LEFT, RIGHT, np.zeros(3), np.eye(3))
+    for task, name in ((apart, "other"), (seen, "relative_to")):
+        for value, told in ((LEFT, "itself"), (None, f"{name}: expected its name, got None")):
+            with pytest.raises(InvalidInputError, match=told):  # None crashed the process
+                setattr(task, name, value)
+        with pytest.raises(UnknownNameError, match="unknown frame 'palm'"):
+            setattr(task, name, "palm")
+        setattr(task, name, "base")
     with pytest.raises(UnknownNameError, match="component of a pose 'r'"):
         RelativePoseTask(hoap2, LEFT, RIGHT, np.zeros(3), np.eye(3), components=("r",))
     with pytest.raises(InvalidInputError, match="nothing left to damp"):

@@ -26,6 +26,23 @@ from wbc.validate import Array
 _LAW = np.zeros(lib.WEIGHTS)  # the numbers of a law, which rows do not depend on
 
 
+def check_frame(
+    task: Task, name: str, value: object, *, other: str | None = None, same: str = ""
+) -> None:
+    """Refuse a frame that is none of the robot's, or that is the attribute ``other`` as well.
+
+    ``same``: what is wrong then.
+    """
+    if not isinstance(value, str):  # None would be rows of no frame
+        raise InvalidInputError(f"{task}, {name}: expected its name, got {shown(value)}")
+    own = task.__dict__
+    if "robot" not in own:  # one's own kinds may set it before that
+        return
+    index = task.robot.frame_id(value)
+    if other in own and task.robot.frame_id(own[other]) == index:
+        raise InvalidInputError(f"{task}: {value!r} {same}")
+
+
 class CoreTask(Task):
     """A task of a kind that the core knows, see :class:`wbc.native.rows.Kind`.
 
@@ -35,10 +52,7 @@ class CoreTask(Task):
 
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "frame" and name in self._declared:
-            if not isinstance(value, str):  # None would be rows of no frame
-                raise InvalidInputError(f"{self}, frame: expected its name, got {shown(value)}")
-            if "robot" in self.__dict__:  # one's own kinds may set it before that
-                self.robot.frame_id(value)
+            check_frame(self, name, value)
         super()._set_attribute(name, value)
 
     @abstractmethod

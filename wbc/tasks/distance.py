@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.core_task import check_frame
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -57,10 +57,14 @@ class DistanceTask(Task):
     ) -> None:
         own = f"{frame} to {other}" if name is None else name
         super().__init__(robot, own, ("distance",), **law)
-        if robot.frame_id(frame) == robot.frame_id(other):
-            raise InvalidInputError(f"{self}: {frame!r} has no distance from itself")
         self.frame, self.other = frame, other
         self.set_target(target)
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name in ("frame", "other"):
+            other = "frame" if name == "other" else "other"
+            check_frame(self, name, value, other=other, same="has no distance from itself")
+        super()._set_attribute(name, value)
 
     def set_target(
         self, target: float, rate: float | None = None, acceleration: float | None = None

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
 from wbc.kinds import one_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
-from wbc.tasks.core_task import CoreTask
+from wbc.tasks.core_task import CoreTask, check_frame
 from wbc.tasks.frame import POSE_UNITS, TURNS
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
@@ -70,11 +69,15 @@ class RelativePoseTask(PlacementTask, CoreTask):
             one_of("component of a pose", component, AXES + TURNS)
         given = f"{frame} in {relative_to}" if name is None else name
         super().__init__(robot, given, components, **law)
-        if robot.frame_id(frame) == robot.frame_id(relative_to):
-            raise InvalidInputError(f"{self}: {frame!r} never moves as seen from itself")
         self.frame, self.relative_to = frame, relative_to
         self._chosen = tuple((AXES + TURNS).index(one) for one in components)
         self.set_target(position, rotation)
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name in ("frame", "relative_to"):
+            other = "frame" if name == "relative_to" else "relative_to"
+            check_frame(self, name, value, other=other, same="never moves as seen from itself")
+        super()._set_attribute(name, value)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the chosen rows."""
