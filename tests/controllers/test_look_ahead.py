@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.conftest import random_state
 from tests.standing import standing
-from wbc.constraints import Limits
+from wbc.constraints import Limits, SelfCollision
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
 from wbc.controllers.look_ahead import RELAXED, ROUNDS, MarginRows, solve_with_look_ahead
@@ -16,7 +17,7 @@ from wbc.laws import Residual, Rows
 from wbc.qp import Status
 from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, Solution
 from wbc.robot import Robot
-from wbc.tasks import PostureTask
+from wbc.tasks import PositionTask, PostureTask
 
 DT = 0.005
 
@@ -124,6 +125,28 @@ def test_joints_brake_harder_for_a_cut_of_a_later_round_too(hoap2) -> None:
     assert constraint.tried[0] > 0.9
     assert np.abs(tick.velocity).max() <= 0.5 + 1e-6
     assert "brakes harder" in tick.report()
+
+
+def test_a_command_of_another_attempt_at_the_first_level_is_tried_too(g1_27) -> None:
+    """Weights too far apart for the core's first attempt: two bodies ended 15 mm inside another."""
+    rng, limits, names = np.random.default_rng(34), Limits(g1_27), g1_27.frame_names
+    here = g1_27.snapshot(random_state(g1_27, rng)[0])
+    frames_and_targets = [
+        (names[rng.integers(len(names))], here.com + 0.3 * rng.normal(size=3)) for _ in range(3)
+    ]
+    tasks = [
+        PositionTask(g1_27, frame, target, weight=weight, gain=1.0, name=f"{weight:g}")
+        for weight, (frame, target) in zip((1e7, 1e4, 1.0), frames_and_targets, strict=True)
+    ]
+    apart = SelfCollision(g1_27, margin=0.0, limits=limits)
+    given = {"limits": limits, "constraints": [apart], "solver": "active_set"}
+    controller = KinematicController(g1_27, tasks, contacts=(), dt=0.02, damping=1e-8, **given)
+    tick = controller.step(here)
+    before = apart.distances(here)
+    after = apart.distances(g1_27.snapshot(g1_27.integrate(here.q, tick.velocity, 0.02)))
+    known = dict(zip(before.keys.tolist(), before.clearance.tolist(), strict=True))
+    for key, clearance in zip(after.keys.tolist(), after.clearance.tolist(), strict=True):
+        assert clearance > min(known.get(key, 0.0), 0.0) - 1e-4
 
 
 def test_where_cuts_are_in_vain_a_part_is_commanded(hoap2, here) -> None:

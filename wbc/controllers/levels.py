@@ -104,7 +104,10 @@ class Levels:
                 core_tick.skipped += (RETRIED,)
             return Outcome(core_tick, solution)
         core_tick.set_solution(0, solution)
-        core_tick.solved = core.memory.descend() in (DONE, LEADS_INSIDE)
+        status = core.memory.descend()
+        if status == LEADS_INSIDE:
+            return Outcome(core_tick, _not_measured(core_tick))
+        core_tick.solved = status == DONE
         if core.memory.struct.closing:  # closing loops may have solved it again
             core_tick.first_solution = None
         return self._with_left_out(core, core_tick, deadline_over).within_limits(names)
