@@ -44,6 +44,14 @@ def test_a_step_aside_that_catches_is_as_wide_as_both_legs_reach(legs: Legs) -> 
         assert limits.catch_aside == limits.apart
 
 
+@pytest.mark.parametrize("part", [0.5, 0.3])
+def test_a_part_of_the_torques_is_that_of_a_robot_with_no_more(g1: Robot, part: float) -> None:
+    efforts = dict(zip(g1.joint_names, (part * g1.limits.effort).tolist(), strict=True))
+    weak, held = Walker(Robot.load("g1", effort=efforts)), Walker(g1, torque_limits=part)
+    assert held.limits == weak.limits and held.gait == weak.gait
+    assert held.limits != Walker(g1).limits
+
+
 def test_turns_are_limited_too(legs: Legs) -> None:
     limits = CommandLimits.of(legs, GaitSettings.of(legs))
     admitted = limits.admit(0.0, 0.0, -99.0)

@@ -106,7 +106,8 @@ def test_level_ground_has_no_edges() -> None:
 
 
 def test_steps_that_legs_do_not_reach_are_refused(g1_27: Robot) -> None:
-    able = StepRange.of(g1_27, GaitSettings.of(Legs.of(g1_27)))
+    legs = Legs.of(g1_27)
+    able = StepRange.of(g1_27, GaitSettings.of(legs), legs)
     feet = sole_poses(g1_27.snapshot(g1_27.posture("standing")))
     w = able.gait.width
     for change, said in (

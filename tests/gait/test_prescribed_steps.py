@@ -21,7 +21,8 @@ from wbc.validate import Array
 
 @pytest.fixture
 def able(g1_27: Robot) -> StepRange:
-    return StepRange.of(g1_27, GaitSettings.of(Legs.of(g1_27)))
+    legs = Legs.of(g1_27)
+    return StepRange.of(g1_27, GaitSettings.of(legs), legs)
 
 
 @pytest.fixture
@@ -197,7 +198,8 @@ def test_feet_that_are_edges_walk_on_footsteps(hoap2: Robot) -> None:
         for side, foot in hoap2.feet.items()
     }
     robot = Robot.load("hoap2_like", feet=feet)
-    able, here = StepRange.of(robot, GaitSettings.of(Legs.of(robot))), robot.posture("standing")
+    legs, here = Legs.of(robot), robot.posture("standing")
+    able = StepRange.of(robot, GaitSettings.of(legs), legs)
     stands = sole_poses(robot.snapshot(here))
     assert able.admitted([Footstep("left", 0.02, 0.08)], stands, relative=True)
     assert able._overlap("left", Footstep("left", 0.0, 0.02, yaw=0.5))

@@ -106,11 +106,16 @@ class StanceBraking:
 def effort_bounds(robot: Robot, factor: float | None) -> Array:
     """Return the largest torques (nv - 6,): infinite without a bound, 0 without a motor."""
     check_robot("controller", robot)
-    most = np.full(robot.nv - 6, np.inf)
     if factor is not None:
-        most = finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
         _warn_unbounded(robot)
-    return _without_motors(robot, most, 0.0)
+    return _without_motors(robot, scaled_effort(robot, factor), 0.0)
+
+
+def scaled_effort(robot: Robot, factor: float | None) -> Array:
+    """Return the joints' effort limits (nv - 6,) times a factor; infinite if that is None."""
+    if factor is None:
+        return np.full(robot.nv - 6, np.inf)
+    return finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
 
 
 def _warn_unbounded(robot: Robot) -> None:

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.constraints import Limits
+from wbc.controllers.effort_bounds import scaled_effort
 from wbc.errors import InvalidInputError
 from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
@@ -67,13 +68,17 @@ class Legs:
     gravity: float  # [m/s^2]
 
     @classmethod
-    def of(cls, robot: Robot, limits: Limits | None = None) -> Legs:
+    def of(
+        cls, robot: Robot, limits: Limits | None = None, torque_limits: float | None = 1.0
+    ) -> Legs:
         """Return the legs of a robot with the feet ``left`` and ``right``.
 
         Parameters
         ----------
         limits:
             Of the joints, besides the robot's own: speeds, and accelerations that were given.
+        torque_limits:
+            Factor on the robot's effort limits, as the controller has it; None: no bounds.
 
         Raises
         ------
@@ -83,7 +88,8 @@ class Legs:
         """
         check_biped(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
-        legs = [_leg(robot, side, limits) for side in SIDES]
+        effort = scaled_effort(robot, torque_limits)
+        legs = [_leg(robot, side, limits, effort) for side in SIDES]
         places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
         ahead = np.sum([snapshot.rotation(robot.feet[side].frame)[:, 0] for side in SIDES], axis=0)
         separation = places[0] - places[1]
@@ -183,7 +189,7 @@ def bearing_joints(robot: Robot) -> NDArray[np.int64]:
     return np.array(driven, dtype=np.int64)
 
 
-def _leg(robot: Robot, side: str, given: Limits | None) -> dict[str, float]:
+def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[str, float]:
     """Return what :class:`Legs` has of one leg, by name."""
     joints = leg_joints(robot, side)
     if len(joints) < 3:
@@ -210,7 +216,7 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> dict[str, float]:
     inertia = float(snapshot.mass_matrix[swing_hip, swing_hip])
     limits, turn, turn_speed = robot.limits, 0.0, 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
-        speed = np.fmin(limits.velocity, limits.effort / robot.damping)
+        speed = np.fmin(limits.velocity, effort / robot.damping)
     limit = MAX_ACCELERATION
     if given is not None:
         speed = np.fmin(speed, given.speed)
@@ -226,16 +232,16 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> dict[str, float]:
         _knee_angle(angles, lengths, part * lengths.max())
         for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT)
     )
-    knee_speed = float(speed[int(robot.model.idx_vs[knee]) - BASE_NV])
+    bends = int(robot.model.idx_vs[knee]) - BASE_NV
     return {
         "length": float(lengths.max()),
         "hip_height": float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         "swing_speed": SPEED_SHARE * float(speed[hip]) * lever,
-        "swing_acceleration": min(SHARE * float(limits.effort[hip]) / inertia * lever, limit),
+        "swing_acceleration": min(SHARE * float(effort[hip]) / inertia * lever, limit),
         "turn": turn,
         "turn_speed": turn_speed,
-        "lift_speed": SHARE * knee_speed * lift / abs(high - low),
-        "bearing_length": _bearing_length(robot, knee, angles, lengths),
+        "lift_speed": SHARE * float(speed[bends]) * lift / abs(high - low),
+        "bearing_length": _bearing_length(robot.weight, float(effort[bends]), angles, lengths),
     }
 
 
@@ -356,13 +362,12 @@ def _bending_joint(
     return joint, *lengths[joint]
 
 
-def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> float:
+def _bearing_length(weight: float, effort: float, angles: Array, lengths: Array) -> float:
     """Return the shortest length of a leg at which its knee bears the weight [m].
 
     By virtual work a knee at angle q bears F with the torque F dL/dq.
     """
-    effort = float(robot.limits.effort[int(robot.model.idx_vs[knee]) - BASE_NV])
-    torque = robot.weight * np.abs(np.gradient(lengths, angles))
+    torque = weight * np.abs(np.gradient(lengths, angles))
     too_weak = lengths[torque > SHARE * effort]
     able = lengths[lengths > too_weak.max()] if too_weak.size else lengths
     return float(able.min()) if able.size else float(lengths.max())

@@ -9,7 +9,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits
 from wbc.gait.crossing import Crossing, heights
@@ -58,9 +57,8 @@ class StepRange:
     corners: Mapping[str, Array]
 
     @classmethod
-    def of(cls, robot: Robot, gait: GaitSettings, limits: Limits | None = None) -> Self:
-        """Return the range of a robot with a gait, its joints within ``limits``, if given."""
-        legs = Legs.of(robot, limits)
+    def of(cls, robot: Robot, gait: GaitSettings, legs: Legs) -> Self:
+        """Return the range of a robot with a gait and these legs."""
         corners = {foot: sole.polygon for foot, sole in robot.feet.items()}
         return cls(gait, CommandLimits.of(legs, gait), legs, corners)
 

@@ -185,7 +185,7 @@ class Walker:
                 remedy = f"it is one of a gait: Walker(robot, {{{name!r}: ...}})" if known else ""
                 raise UnknownNameError("setting of a walker", name, SETTINGS, remedy)
         check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
-        legs = Legs.of(robot, limits)
+        legs = Legs.of(robot, limits, settings.get("torque_limits", 1.0))
         check_kind("walker, weights", weights, WalkingWeights, "WalkingWeights()", or_none=True)
         check_list("tasks", tasks, Task)
         check_list("constraints", constraints, Constraint)
@@ -201,7 +201,7 @@ class Walker:
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
         self.limits, self._nominal_height = self._paces.limits, self.gait.height
-        self._range = StepRange.of(robot, self.gait, limits)
+        self._range = StepRange.of(robot, self.gait, legs)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         for foot, R in now.rotations.items():
             tilt = math.degrees(math.acos(min(R.item(2, 2), 1.0)))

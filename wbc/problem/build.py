@@ -18,7 +18,7 @@ from wbc.controllers.joint_weights import moved_by
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.hand_support import HandSupport
-from wbc.gait.legs import check_biped
+from wbc.gait.legs import Legs, check_biped
 from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, PseudoInverseSpec, SolverSettings
@@ -143,8 +143,9 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
         if spec.hands is not None and there:
             mistakes.note(("hands",), f"is for a robot that stands, and there are {key}")
     if isinstance(spec, WalkSpec):
-        duration = spec.whole_stop.duration
-        spec.gait.check(start, parts.limits, duration, spec.ground_height, mistakes)
+        given = start.robot, parts.limits, spec.controller.torque_limits
+        legs = mistakes.require(("gait",), partial(Legs.of, *given))
+        spec.gait.check(start, legs, spec.whole_stop.duration, spec.ground_height, mistakes)
         for targeted in parts.targeted:
             if targeted.attendant is not None:
                 text = "is for a robot that stands: a walk leads the capture point; leave it out"

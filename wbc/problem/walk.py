@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
 from wbc.gait.phases import sole_poses
@@ -128,7 +127,7 @@ class GaitSpec(Section):
     def check(
         self,
         start: Snapshot,
-        limits: Limits | None,
+        legs: Legs,
         duration: float,
         ground: Ground | None,
         mistakes: Mistakes,
@@ -138,13 +137,13 @@ class GaitSpec(Section):
         ``ground`` is the height of the terrain, if it has any.
         """
         with mistakes.at("gait"):
-            settings = GaitSettings.of(Legs.of(start.robot, limits), **self.settings)
+            settings = GaitSettings.of(legs, **self.settings)
             if not self.commands and not self.footsteps:
                 raise Misplaced("says not where to: give commands, or footsteps")
             for key in ("see", "relative"):
                 if getattr(self, key) and not self.footsteps:
                     raise Misplaced("is about footsteps that are given, and none are", key)
-            able = StepRange.of(start.robot, settings, limits)
+            able = StepRange.of(start.robot, settings, legs)
             self._check_footsteps(start, able, ground if self.see else None, mistakes)
         with mistakes.at("gait", "weights"):
             WalkingWeights(**self.weights)
