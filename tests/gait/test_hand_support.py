@@ -183,6 +183,15 @@ def test_first_mistakes_are_told(start: Snapshot, mistake: str) -> None:
         make(start)
 
 
+def test_an_arm_is_as_quick_as_the_torques_that_it_may_use(start: Snapshot) -> None:
+    tasks = [ComTask(start.robot, start.com), PostureTask(start.robot, start.q)]
+    parts = {"contacts": support(start, "double"), "torque_limits": 0.25}
+    (arm,) = hand_support(start, TorqueController(start.robot, tasks, **parts)).arms.values()
+    whole = Arm.of(start.robot, LEFT.frame)
+    assert arm.acceleration == pytest.approx(0.25 * whole.acceleration)
+    assert arm.speed == whole.speed
+
+
 def test_an_arm_without_motors_is_refused(start: Snapshot) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'left_rubber_hand'"):
         HandSupport(controller(start), start, [Hand("left_ruber_hand")], [wall_at(0.5)])

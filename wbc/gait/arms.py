@@ -57,8 +57,13 @@ class Arm:
     acceleration: float
 
     @classmethod
-    def of(cls, robot: Robot, frame: str) -> Arm:
+    def of(cls, robot: Robot, frame: str, torques: Array | None = None) -> Arm:
         """Return the arm that ends in a frame.
+
+        Parameters
+        ----------
+        torques:
+            Largest torques (nv - 6,) that a controller gives [N m]; None: the effort limits.
 
         Raises
         ------
@@ -95,8 +100,9 @@ class Arm:
         dofs = [columns[k] for k in strongest]
         inertia = s.mass_matrix.diagonal()[dofs]
         motors = [k - BASE_NV for k in dofs]
+        effort = limits.effort if torques is None else torques
         speed = SPEED_SHARE * (limits.velocity[motors] * levers[strongest]).min()
-        acceleration = SHARE * (limits.effort[motors] / inertia * levers[strongest]).min()
+        acceleration = SHARE * (effort[motors] / inertia * levers[strongest]).min()
         joint_names = [robot.limits.names[k] for k in motors]
         if not (speed > 0.0 and acceleration > 0.0) or set(joint_names) & set(robot.unactuated):
             raise InvalidInputError(
