@@ -717,6 +717,16 @@ def test_markers_with_swapped_names_are_noted(pair: tuple[str, ...]) -> None:
     assert all(name in note for note in told for name in pair[-1:])
 
 
+def test_a_marker_far_from_those_of_its_segment_is_left_out_with_a_note() -> None:
+    """FT is a foot's by name; another laboratory's is at the femur's trochanter."""
+    recording, _ = recorded(BODY, seconds=1.0)
+    hip = recording.positions[:, [recording.labels.index("LASI")]]
+    more = np.concatenate((recording.positions, hip), axis=1)
+    human = human_motion(replace(recording, labels=(*LABELS, "LFT"), positions=more), mass=72.0)
+    np.testing.assert_array_equal(fitted_com(human), fitted_com(human_motion(recording, mass=72.0)))
+    assert any("far from the others" in one and "LFT (left_foot)" in one for one in human.notes)
+
+
 def test_missing_markers_are_named() -> None:
     labels = [label for label in LABELS if label not in ("LKNE", "LANK")] + ["Foo"]
     recording, _ = recorded(BODY, labels=labels[:-1], seconds=0.2)

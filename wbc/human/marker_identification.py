@@ -27,6 +27,7 @@ UPRIGHT, LYING = 0.8, 0.5
 MIRRORED = -0.2  # triple product of left, up and toe direction, unit vectors: 0.4 to 1 if not
 # m, least distance of compared markers; relative difference of distances of the same human.
 MIN_DISTANCE, MAX_DIFFERENCE = 0.05, 0.05
+ELSEWHERE = 0.6  # m from all others of its segment, which are nearer each other: it is not there
 BODY = ("pelvis", "trunk")
 TOES, HEELS = ("toe", "metatarsal_1", "metatarsal_5"), ("heel", "ankle_lateral", "ankle_centre")
 
@@ -61,6 +62,8 @@ def identify_markers(
     seen = np.isfinite(recording.positions).all(axis=2).any(axis=0)
     empty = [recording.labels[k] for k in np.flatnonzero(~seen) if recording.labels[k] in found]
     own = [label for label in recording.labels if label in found and label not in empty]
+    far = [] if recording.landmarks else _elsewhere(recording, {one: found[one] for one in own})
+    own = [label for label in own if label not in far]
     if not recording.landmarks:
         standing = [found[one].name for one in static.labels if one in found] if static else []
         missing = missing_landmarks([found[label].name for label in own], standing)
@@ -76,7 +79,10 @@ def identify_markers(
         notes.append(f"markers of unknown names left out: {listed(unknown, 8)}")
     if empty:
         notes.append(f"markers never seen: {listed(empty, 8)}")
-    rest = [label for label in found if label not in own and label not in empty]
+    if far:
+        whose = listed([f"{one} ({found[one].name})" for one in far], 8)
+        notes.append(f"markers far from the others of their segments, left out: {whose}")
+    rest = [label for label in found if label not in (*own, *empty, *far)]
     for part, both in (("pelvis", "hips"), ("trunk", "shoulders")):
         kinds = {found[n].name for n in own if found[n].segment == part}
         if 0 < len(kinds) < 3 and not recording.landmarks:
@@ -93,6 +99,17 @@ def identify_markers(
     elif without:
         notes.append(f"no markers on {', '.join(without)}: held in their neutral posture")
     return {name: found[name] for name in (*own, *rest)}, tuple(notes)
+
+
+def _elsewhere(recording: MarkerRecording, markers: Markers) -> list[str]:
+    """Return markers far from all others of their segments, whose names must mean another one."""
+    nearest = dict[str, float]()
+    for label, mark in markers.items():
+        others = [n for n, m in markers.items() if n != label and m.segment == mark.segment]
+        apart = [_distance(recording, label, one) for one in others]
+        nearest[label] = min(apart) if len(apart) > 1 else 0.0
+    near = {markers[label].segment for label, way in nearest.items() if 0.0 < way < ELSEWHERE}
+    return [n for n, way in nearest.items() if way > ELSEWHERE and markers[n].segment in near]
 
 
 def rotate_z_up(
