@@ -326,6 +326,28 @@ def test_empty_cells_are_missing_numbers(hoap2, columns, write: Write) -> None:
     assert len(read_motion(path, hoap2, fill=True).dropouts) == 1
 
 
+@pytest.mark.parametrize("whole", [False, True])
+def test_tracker_files_with_the_world_among_the_bodies_are_read(
+    whole: bool, hoap2: Robot, tmp_path: Path
+) -> None:
+    """As MuJoCo numbers them; holosoma's ``joint_pos`` are all of its ``qpos``."""
+    place, turn = np.array([0.3, -0.2, 0.7]), np.array([0.5, 0.5, -0.5, 0.5])  # w x y z
+    joints = np.tile(hoap2.limits.joint_positions(hoap2.posture("standing")), (COUNT, 1))
+    base = np.tile(np.concatenate((place, turn)), (COUNT, 1))
+    arrays = {
+        "fps": np.array([50.0]),
+        "joint_pos": np.hstack((base, joints)) if whole else joints,
+        "joint_names": np.array(hoap2.joint_names),
+        "body_names": np.array(["world", "base"]),
+        "body_pos_w": np.tile([np.zeros(3), place], (COUNT, 1, 1)),
+        "body_quat_w": np.tile([[1.0, 0.0, 0.0, 0.0], turn], (COUNT, 1, 1)),
+    }
+    np.savez(tmp_path / "a.npz", **arrays)
+    motion = read_motion(tmp_path / "a.npz", hoap2)
+    np.testing.assert_array_equal(motion.joints, joints)
+    np.testing.assert_array_equal(motion.base, base[:, [0, 1, 2, 4, 5, 6, 3]])
+
+
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [

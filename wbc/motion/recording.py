@@ -128,7 +128,8 @@ def read_motion(
     NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
     ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes. Both with the forces on the soles that
     ``wbc sim -o`` adds. Or ``fps``, ``joint_pos``, ``body_pos_w`` and ``body_quat_w`` (w x y z; the
-    base is the first body), as mjlab and BeyondMimic have them, with ``joint_names``.
+    base is the first body, or that after ``world`` in ``body_names``), as mjlab and BeyondMimic
+    have them, with ``joint_names``; ``joint_pos`` may be MuJoCo's qpos.
 
     Lost rows are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that repeat
     while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.

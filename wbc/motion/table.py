@@ -24,7 +24,7 @@ DELIMITERS = (",", ";", "\t")
 NUMBERS = "iuf"  # kinds of arrays: integers and floats, neither complex nor bool
 TEXTS = "US"
 # Arrays of a motion for mjlab's and BeyondMimic's trackers, and the columns of a base.
-TRACKER_ARRAYS = ("fps", "joint_pos", "joint_names", "body_pos_w", "body_quat_w")
+TRACKER_ARRAYS = ("fps", "joint_pos", "joint_names", "body_pos_w", "body_quat_w", "body_names")
 BASE = ("base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw")
 MAX_BYTES = 1 << 30  # of a text file, and of all arrays of an NPZ file unpacked
 
@@ -308,7 +308,7 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
         lambda names: (
             ("time", "q") if "q" in names else TRACKER_ARRAYS if is_tracker_file(names) else names
         ),
-        lambda name: NUMBERS + (TEXTS if name in ("names", "joint_names") else ""),
+        lambda name: NUMBERS + (TEXTS if name in ("names", "joint_names", "body_names") else ""),
     )
     if is_tracker_file(arrays):
         arrays = _from_tracker_arrays(arrays, source)
@@ -349,7 +349,10 @@ def is_tracker_file(names: Collection[str]) -> bool:
 
 
 def _from_tracker_arrays(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[Any]]:
-    """Return time, names and positions of base, which is the first body, and joints."""
+    """Return time, names and positions of base, which is the first body, and joints.
+
+    MuJoCo's first body is the world, and ``joint_pos`` may be its qpos, base first.
+    """
     joints, rate = arrays["joint_pos"], arrays.get("fps", np.zeros(0)).ravel()
     if joints.ndim != 2:
         what = f"it has shape {joints.shape}; expected (n, joints)"
@@ -359,16 +362,19 @@ def _from_tracker_arrays(arrays: dict[str, NDArray[Any]], source: str) -> dict[s
         raise RecordingError(what, source, "joint_pos")
     if rate.size != 1 or not 0.0 < rate[0] <= 1e6:
         raise RecordingError("it is no rate in frames per second", source, "fps")
+    names = arrays["joint_names"].ravel()
+    joints = joints[:, len(BASE) :] if joints.shape[1] == len(BASE) + len(names) else joints
+    first = int([*map(str, arrays.get("body_names", np.zeros(0)).ravel()[:1])] == ["world"])
     parts = list[NDArray[Any]]()
     for name, width in (("body_pos_w", 3), ("body_quat_w", 4)):
         body = arrays.get(name, np.zeros(0))
-        if body.ndim != 3 or body.shape[1] < 1 or body.shape[::2] != (len(joints), width):
+        if body.ndim != 3 or body.shape[1] <= first or body.shape[::2] != (len(joints), width):
             what = f"it has shape {body.shape}; expected ({len(joints)}, bodies, {width})"
             raise RecordingError(what, source, name)
-        parts.append(body[:, 0])
+        parts.append(body[:, first])
     quaternion = parts.pop()[:, [1, 2, 3, 0]]  # from w x y z
     return {
         "time": np.arange(len(joints)) / float(rate[0]),
-        "names": np.concatenate((BASE, arrays["joint_names"].ravel())),
+        "names": np.concatenate((BASE, names)),
         "positions": np.hstack((*parts, quaternion, joints)),
     }
