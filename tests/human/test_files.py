@@ -202,6 +202,25 @@ def test_c3d_with_a_doubtful_plate_keeps_its_markers_with_a_note(
     assert any(words in note for note in found.notes), found.notes
 
 
+def test_c3d_whose_header_counts_channels_in_place_of_their_readings_is_read(march: March) -> None:
+    """As the MotionMonitor writes it: every frame but the first was read from elsewhere."""
+    import ezc3d
+
+    path, _ = march
+    expected = read_markers(path)
+    file = ezc3d.c3d(str(path))
+    file["parameters"]["ANALOG"]["RATE"]["value"] = [200.0]
+    file["data"]["analogs"] = np.repeat(file["data"]["analogs"], 2, axis=2)
+    file.write(str(path))
+    content = bytearray(path.read_bytes())
+    assert content[4] == 12
+    content[4] = 6
+    path.write_bytes(content)
+    found = read_markers(path)
+    np.testing.assert_array_equal(found.positions, expected.positions)
+    np.testing.assert_array_equal(found.plates[0].force[::2], expected.plates[0].force)
+
+
 def test_c3d_with_impossible_header_is_refused(march: March) -> None:
     path, _ = march
     data = path.read_bytes()

@@ -97,7 +97,13 @@ def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Arra
     start = int(file.number("POINT:DATA_START", 0.0))
     start = start if start > file.data[0] else file.header[8]  # after the parameters, or wrong
     start = BLOCK * (start - 1)
-    width, words = (4 if file.real else 2), 4 * points + per_frame
+    width = 4 if file.real else 2
+    # Some programs' header counts channels, of which each has several readings in a frame.
+    every = per_frame * file.header[9]
+    fits = start + frames * (4 * points + every) * width <= len(file.data)
+    if fits and every > per_frame == file.number("ANALOG:USED", 0.0):
+        per_frame = every
+    words = 4 * points + per_frame
     wanted = frames * words * width
     if start < BLOCK or start + wanted > len(file.data):
         available = max(0, len(file.data) - start) // (words * width)
