@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity, Walker
 from wbc.robot import Robot
@@ -50,6 +51,14 @@ def test_a_part_of_the_torques_is_that_of_a_robot_with_no_more(g1: Robot, part: 
     weak, held = Walker(Robot.load("g1", effort=efforts)), Walker(g1, torque_limits=part)
     assert held.limits == weak.limits and held.gait == weak.gait
     assert held.limits != Walker(g1).limits
+
+
+def test_feet_turn_no_farther_than_the_limits_of_their_hips(robot_named: Load) -> None:
+    """Four fifths of what a margin leaves of the narrower side, if it leaves anything."""
+    robot = robot_named("talos")
+    turn = [Legs.of(robot, Limits(robot, margin=margin)).turn for margin in (0.0, 0.1, 0.4)]
+    assert turn[0] == Legs.of(robot).turn > 0.2
+    assert turn[1] == pytest.approx(turn[0] - 0.08) and turn[2] == 0.0
 
 
 def test_turns_are_limited_too(legs: Legs) -> None:

@@ -76,7 +76,8 @@ class Legs:
         Parameters
         ----------
         limits:
-            Of the joints, besides the robot's own: speeds, and accelerations that were given.
+            Of the joints, besides the robot's own: speeds, how far hips turn, and accelerations
+            that were given.
         torque_limits:
             Factor on the robot's effort limits, as the controller has it; None: no bounds.
 
@@ -225,7 +226,9 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
             limit = min(limit, float(fastest[hip]) * lever)
     if abs(J[5, yaw_hip]) > MIN_TURN:
         yaw, angle = yaw_hip - BASE_NV, float(snapshot.joint_positions[yaw_hip - BASE_NV])
-        turn = SHARE * min(float(limits.upper[yaw]) - angle, angle - float(limits.lower[yaw]))
+        ranges = (limits,) if given is None else (limits, given)
+        room = min(min(one.upper[yaw] - angle, angle - one.lower[yaw]) for one in ranges)
+        turn = SHARE * max(float(room), 0.0)
         turn_speed = SHARE * float(speed[yaw])
     lift = LIFT * float(lengths.max())
     low, high = (
