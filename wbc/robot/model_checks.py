@@ -91,12 +91,9 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
         elif body.mass == 0.0 and joint > 1:  # the root is between none
             empty.append(link_of(model, joint))
     if bare:
-        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-        places = [(model.names[joint], model.idx_qs[joint]) for joint in bare]
-        held = ", ".join(f"{name!r}: {np.clip(0.0, lower[q], upper[q]):g}" for name, q in places)
         raise ModelError(
             f"{_where(model, bare[0], path)}: what the joint moves has no mass; give the link its"
-            f" mass, or make the joint fixed, or lock every such joint: locked={{{held}}}"
+            f" mass, or make the joint fixed, or {_locked(model, bare)}"
         )
     return noted("links without mass between two joints: {}", empty, len(empty))
 
@@ -236,12 +233,21 @@ def check_joint_inertia(model: pin.Model, path: Path) -> None:
         The message names joint and link.
     """
     felt = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))  # with the armature
-    for joint in range(2, model.njoints):
-        if felt[model.idx_vs[joint]] < 1e-12:  # kg m^2, far below any real part
-            raise ModelError(
-                f"{_where(model, joint, path)}: nothing it moves has inertia about its axis; give"
-                " the link an inertia or the joint an armature, or lock the joint"
-            )
+    least = 1e-12  # kg m^2, far below any real part
+    bare = [joint for joint in range(2, model.njoints) if felt[model.idx_vs[joint]] < least]
+    if bare:
+        raise ModelError(
+            f"{_where(model, bare[0], path)}: nothing it moves has inertia about its axis; give the"
+            f" link an inertia or the joint an armature, or {_locked(model, bare)}"
+        )
+
+
+def _locked(model: pin.Model, joints: Sequence[int]) -> str:
+    """Return the advice to lock joints, each at 0 or at its limit nearest to it."""
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    places = [(model.names[joint], model.idx_qs[joint]) for joint in joints]
+    held = ", ".join(f"{name!r}: {np.clip(0.0, lower[q], upper[q]):g}" for name, q in places)
+    return f"lock every such joint: locked={{{held}}}"
 
 
 def link_of(model: pin.Model, joint: int) -> str:

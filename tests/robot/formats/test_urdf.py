@@ -223,6 +223,16 @@ REFUSED_URDFS = {
         A + link("b", 1, 0) + joint("j", "a", "b", axis="0 0 1"),
         ("'j'", "'b'", "about its axis"),
     ),
+    "several on their own axes": (
+        A
+        + link("b", 1, 0)
+        + link("c", 1, 0)
+        + "".join(
+            joint(n, "a", to, axis="0 0 1").replace('lower="-1" upper="2"', 'lower="1" upper="1"')
+            for n, to in (("j", "b"), ("k", "c"))
+        ),
+        ("'j'", "about its axis", "locked={'j': 1, 'k': 1}"),
+    ),
     "axis": (AB + joint("j", "a", "b", axis="0 0 0"), ("'j'", "axis")),
     "quaternion of nothing": (TURNED.format("0 0 0 0"), ("'b'", "quat_xyzw", "no rotation")),
     "quaternion of three": (TURNED.format("0 0 1"), ("'b'", "quat_xyzw", "4 finite numbers")),
