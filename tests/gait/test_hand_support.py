@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import load
-from wbc.constraints import PointContact, support
+from wbc.constraints import Limits, PointContact, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
 from wbc.gait import Arm, Hand, HandSupport, LeanSettings, Wall, WithHands
@@ -183,13 +183,14 @@ def test_first_mistakes_are_told(start: Snapshot, mistake: str) -> None:
         make(start)
 
 
-def test_an_arm_is_as_quick_as_the_torques_that_it_may_use(start: Snapshot) -> None:
+def test_an_arm_is_as_quick_as_the_torques_and_speeds_that_it_may_use(start: Snapshot) -> None:
     tasks = [ComTask(start.robot, start.com), PostureTask(start.robot, start.q)]
     parts = {"contacts": support(start, "double"), "torque_limits": 0.25}
+    parts["limits"] = Limits(start.robot, velocity=0.5)
     (arm,) = hand_support(start, TorqueController(start.robot, tasks, **parts)).arms.values()
     whole = Arm.of(start.robot, LEFT.frame)
     assert arm.acceleration == pytest.approx(0.25 * whole.acceleration)
-    assert arm.speed == whole.speed
+    assert arm.speed == pytest.approx(0.5 * whole.speed)
 
 
 def test_an_arm_without_motors_is_refused(start: Snapshot) -> None:

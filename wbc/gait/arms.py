@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
 from wbc.gait.legs import MAX_ACCELERATION, SHARE, SPEED_SHARE, STRETCH
 from wbc.robot.limits import BASE_NV
@@ -57,13 +58,21 @@ class Arm:
     acceleration: float
 
     @classmethod
-    def of(cls, robot: Robot, frame: str, torques: Array | None = None) -> Arm:
+    def of(
+        cls,
+        robot: Robot,
+        frame: str,
+        torques: Array | None = None,
+        within: Limits | None = None,
+    ) -> Arm:
         """Return the arm that ends in a frame.
 
         Parameters
         ----------
         torques:
             Largest torques (nv - 6,) that a controller gives [N m]; None: the effort limits.
+        within:
+            Limits of the joints' speeds, besides the robot's own.
 
         Raises
         ------
@@ -101,7 +110,8 @@ class Arm:
         inertia = s.mass_matrix.diagonal()[dofs]
         motors = [k - BASE_NV for k in dofs]
         effort = limits.effort if torques is None else torques
-        speed = SPEED_SHARE * (limits.velocity[motors] * levers[strongest]).min()
+        fastest = limits.velocity if within is None else np.fmin(limits.velocity, within.speed)
+        speed = SPEED_SHARE * (fastest[motors] * levers[strongest]).min()
         acceleration = SHARE * (effort[motors] / inertia * levers[strongest]).min()
         joint_names = [robot.limits.names[k] for k in motors]
         if not (speed > 0.0 and acceleration > 0.0) or set(joint_names) & set(robot.unactuated):

@@ -117,8 +117,8 @@ class HandSupport:
                 raise InvalidInputError(f"hand support, {kind}: there are none to lean with or on")
         check_kind("hand support, settings", settings, LeanSettings, "LeanSettings()", or_none=True)
         self.controller, self.settings = controller, settings or LeanSettings()
-        torques = controller.torque_bounds
-        self.arms = {hand: Arm.of(robot, hand.frame, torques) for hand in hands}
+        able = controller.torque_bounds, controller.limits
+        self.arms = {hand: Arm.of(robot, hand.frame, *able) for hand in hands}
         self.state: HandsFree | Reaching | Leaning | Withdrawing = HandsFree()
         self.time = 0.0
         self._notes: list[str] = []
