@@ -100,6 +100,25 @@ def test_held_tasks_that_repeat_each_other_follow_new_targets(hoap2: Robot) -> N
     assert np.abs(steps[0]).max() > 0.1
 
 
+@pytest.mark.parametrize("slack", [{}, {"left_sole": 1e3}])
+@pytest.mark.parametrize("before", [None, wbc.FrictionCone(0.8)])
+def test_friction_that_is_assigned_counts_in_the_next_tick(
+    hoap2: Robot, before: wbc.FrictionCone | None, slack: dict[str, float]
+) -> None:
+    """A grip that gets a cone pulls no more, and a contact that may give way has its cone, too."""
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    after, torques = wbc.FrictionCone(0.6, most=20.0), []
+    for first in (before, after):
+        cones = zip(("left_sole", "right_sole"), (first, after), strict=True)
+        soles = [wbc.Contact.hold(start, frame, friction=cone) for frame, cone in cones]
+        tasks = [wbc.ComTask(hoap2, start.com + [0.0, 0.02, 0.0]), wbc.PostureTask(hoap2, start.q)]
+        controller = wbc.TorqueController(hoap2, tasks, contacts=soles, slack=slack, force_ramp=0.0)
+        controller.step(start)
+        soles[0].friction = after
+        torques.append(controller.step(start).torque)
+    np.testing.assert_allclose(*torques, atol=1e-6)
+
+
 def test_braking_that_is_assigned_counts_in_the_next_tick(hoap2: Robot) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
     gently = wbc.BrakingParameters(deceleration=0.01, gain=0.01)

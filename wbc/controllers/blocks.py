@@ -80,7 +80,7 @@ class Part:
         self.rows = native_rows_of(task, torque)
         self.changes: object = None  # of the task, when its numbers were written
         self._remakes: object = None
-        self.planned_as = task.name, task.priority
+        self.planned_as = planned_as(task)
         self._views: list[_BlockViews] = []
         self._only_target_moves = selected is None and all(rows.moving for rows in self.rows or ())
         # Attributes of the task that hold its target: name, view, and the array last written.
@@ -160,6 +160,11 @@ class Part:
             views.weight[:] = self._factor * (own if self.selected is None else own[self.selected])
             offset += len(now.entries)
         self._law = law
+
+
+def planned_as(task: Task) -> tuple[str, int, bool]:
+    """Return what a plan is made for: name, level, and whether forces have a friction cone."""
+    return task.name, task.priority, getattr(task, "friction", None) is not None
 
 
 class TaskEvaluation(NamedTuple):
