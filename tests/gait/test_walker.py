@@ -55,6 +55,7 @@ def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> Non
     ("wrong", "said"),
     [
         ({"dely": 0.0}, "setting of a walker 'dely'; did you mean 'delay'"),
+        ({"frction": 0.5}, "did you mean 'friction'"),
         ({"height": 0.2}, r"'height'; it is one of a gait: Walker\(robot, \{'height': "),
         ({"contacts": []}, "setting of a walker 'contacts'"),
     ],

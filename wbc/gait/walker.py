@@ -104,7 +104,7 @@ KINDS = {
 }
 FIXED = frozenset(("robot", "gait", "controller", "dt"))
 # Settings of its controller that a walker is given by name; contacts are the walk's own.
-SETTINGS = sorted({*signature(TorqueController).parameters} - {"more", "contacts"})
+SETTINGS = {*signature(TorqueController).parameters} - {"robot", "more", "contacts"}
 
 
 class Walker:
@@ -183,7 +183,8 @@ class Walker:
             if name not in SETTINGS:
                 known = name in GaitSettings.__dataclass_fields__
                 remedy = f"it is one of a gait: Walker(robot, {{{name!r}: ...}})" if known else ""
-                raise UnknownNameError("setting of a walker", name, SETTINGS, remedy)
+                every = SETTINGS | {*signature(Walker).parameters} - {"robot", "settings"}
+                raise UnknownNameError("setting of a walker", name, sorted(every), remedy)
         check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
         legs = Legs.of(robot, limits, settings.get("torque_limits", 1.0))
         check_kind("walker, weights", weights, WalkingWeights, "WalkingWeights()", or_none=True)
