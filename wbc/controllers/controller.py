@@ -220,7 +220,8 @@ class Controller(DeclaredAttributes, ABC):
         """Replace the contacts: :meth:`change` for contacts alone.
 
         The same objects that were held before need no new plan, which takes a millisecond, wherever
-        they are anchored now (:meth:`~wbc.constraints.Contact.move_to`).
+        they are anchored now (:meth:`~wbc.constraints.Contact.move_to`). Line contacts, several on
+        one link, and those of classes of your own do.
         """
         self._check_contacts(contacts)
         with self._unchanged_if_refused():
