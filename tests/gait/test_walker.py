@@ -70,6 +70,12 @@ def test_settings_that_a_walker_has_not_are_told_as_its_own(
         GaitSettings.of(hoap2)  # type: ignore[arg-type]
 
 
+def test_soles_with_slack_are_refused(hoap2: Robot) -> None:
+    """The first step ended in an unknown contact."""
+    with pytest.raises(InvalidInputError, match="slack: 'left_sole' is a sole, whose contact"):
+        wbc.gait.Walker(hoap2, slack={"left_sole": 1e3})
+
+
 def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:
     """With the same robot's snapshots; its steps were the original's."""
     walker, here = wbc.gait.Walker(hoap2), hoap2.snapshot(hoap2.posture())

@@ -208,6 +208,11 @@ class WholeBody:
             dt=dt,
             **settings,
         )
+        for frame in self.controller.slacks.weights.keys() & self._frames.values():
+            raise InvalidInputError(
+                f"walker, slack: {frame!r} is a sole, whose contact comes and goes; leave it out:"
+                " constraints may have slack"
+            )
         for task in self._swing.values():
             task.switch_off()
         self._free_leg_acceleration(robot)
