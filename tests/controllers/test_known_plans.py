@@ -45,6 +45,10 @@ def test_contacts_that_come_back_are_not_planned_anew(here: Snapshot) -> None:
     assert controller.core is both
     controller.set_contacts([left])
     assert controller.core is alone
+    for _ in range(10):  # new contacts beside them: those that come back stay known
+        controller.set_contacts([wbc.Contact.hold(here, "right_sole")])
+        controller.set_contacts([left, right])
+        assert controller.core is both
     controller.change(tasks=controller.tasks[:2])
     controller.set_contacts([left, right])
     assert controller.core is not both

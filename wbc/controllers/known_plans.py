@@ -33,13 +33,17 @@ class KnownPlans:
         self, contacts: Sequence[Task], leaving: Mapping[str, float]
     ) -> Mapping[str, Any] | None:
         """Return the attributes for these contacts, those ``leaving`` with slack among them."""
-        _, found = self._known.get(_key(contacts, leaving), (None, None))
-        return found
+        key = _key(contacts, leaving)
+        found = self._known.pop(key, None)
+        if found is None:
+            return None
+        self._known[key] = found  # the last to be forgotten
+        return found[1]
 
     def keep(
         self, contacts: Sequence[Task], leaving: Mapping[str, float], planned: Mapping[str, Any]
     ) -> None:
-        """Remember a plan, and forget the oldest."""
+        """Remember a plan, and forget the one that was not used for longest."""
         own = _own(contacts)
         if not all(type(one) in (Contact, PointContact) for one in own):
             return

@@ -235,6 +235,12 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
         _knee_angle(angles, lengths, part * lengths.max())
         for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT)
     )
+    if high == low:
+        raise InvalidInputError(
+            f"biped: the knee of {robot.name}'s {side} leg, {robot.model.names[knee]}, does not"
+            f" shorten it to {100.0 * (WALKING_STRETCH - LIFT):.0f} % of its length, which lifts a"
+            " foot; is its range right?"
+        )
     bends = int(robot.model.idx_vs[knee]) - BASE_NV
     return {
         "length": float(lengths.max()),
