@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))  # they import
 
 from balance_figures import pushes_figure, regions_figure
 from exposures import exposures_figure
-from footsteps import landed
+from footsteps import landing_poses
 from push_recovery import largest_impulses
 from region_of_attraction import lean_grid, region_of_attraction
 from walk_ablation import JOURNAL as ABLATION_FILE
@@ -162,7 +162,7 @@ def footsteps_picture(name: str) -> None:
     axes = figure.subplots()
     style.plain(axes, "Soles from above (dashed: the footsteps given)", "x [m]", "y [m]")
     axes.set_aspect("equal")
-    for step, pose in zip(steps, landed(result, len(steps)), strict=True):
+    for step, pose in zip(steps, landing_poses(result, len(steps)), strict=True):
         colour = style.BLUE if step.foot == "left" else style.VERMILION
         asked = step.pose(0.0)  # seen from above
         for at, look in ((pose, {"alpha": 0.25}), (asked, {"fill": False, "linestyle": "--"})):
