@@ -39,19 +39,18 @@ class StatePrediction:
     def predict(self, snapshot: Snapshot) -> Snapshot:
         """Return the state at which the torque computed for ``snapshot`` acts.
 
-        In the first ticks, where commands are missing, the velocity is taken as constant.
+        In the first ticks the velocity is taken as constant until the first command acts.
         """
         if self._last is not None and self._last[0] is snapshot:
             return self._last[1]
         q, v, count = snapshot.q, snapshot.v, len(self._accelerations)
-        rest = self.delay
+        missing = self.delay - count * self.dt
+        if missing > _EVEN * self.dt:
+            q = self.robot.integrate(q, v, missing)
         for k, acceleration in enumerate(self._accelerations):
             time = self._oldest if count == self._accelerations.maxlen and k == 0 else self.dt
             later = v + time * acceleration
             q, v = self.robot.integrate(q, 0.5 * (v + later), time), later
-            rest -= time
-        if rest > _EVEN * self.dt:
-            q = self.robot.integrate(q, v, rest)
         found = self.robot.snapshot(q, v)
         self._last = snapshot, found
         return found
