@@ -68,7 +68,10 @@ class EstimateErrors:
 
     @property
     def normalised(self) -> tuple[float, float]:
-        """Mean normalised squares of velocity and tilt per degree of freedom: 1 if consistent."""
+        """Mean normalised squares of velocity and tilt per degree of freedom: 1 if consistent.
+
+        Errors of the base, by the covariance of the IMU: it is to be on the base.
+        """
         v, tilt = (self._squares[2:4] / max(self.count, 1)).tolist()
         return v, tilt
 
