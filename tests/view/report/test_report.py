@@ -215,6 +215,8 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         stays = tab.evaluate("followed(0.3).at(-1)")
         tab.evaluate("com.forEach((_, i) => { if (i % 3 === 0) com[i] = time[i / 3]; })")  # 1 m/s
         left = tab.evaluate("com.at(-3) - followed(0.05).at(-1)[0]")
+        tab.evaluate("com.forEach((_, i) => { if (i % 3 === 2) com[i] = i < 3 ? -2 : 2; }); look()")
+        middle, distance = tab.evaluate("[camera.centre[2], camera.distance]")
         tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
         assert tab.evaluate("document.documentElement.scrollWidth") == 390
         wide = tab.evaluate("document.querySelector('.plot').clientWidth")
@@ -225,6 +227,7 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         browser.close()
     assert stays == pytest.approx(numbers(data_of(page)["com"], (-1, 3))[0, :2])
     assert 0.05 < left < 0.3  # m: it walks out of the picture, and the view goes after it
+    assert abs(middle) + 2.0 < 0.2 * distance  # m: what swings up from below stays in the picture
     assert len({begins, ends, bare}) == 3
     assert wide >= 600  # pixels: the plots' labels can be read, and scroll
     assert clock in ("0.29 s", "0.30 s")

@@ -101,8 +101,9 @@ function followed(slack) {
 }
 let way = [];
 function look() {
-  const reach = Math.max(sizes[0], com[2] > 0 ? com[2] : sizes[0]);
-  camera.distance = 6 * reach; camera.centre = [com[0], com[1], com[2]]; way = followed(0.3 * reach);
+  const heights = com.filter((_, i) => i % 3 === 2), low = Math.min(...heights), high = Math.max(...heights);
+  const reach = Math.max(sizes[0] + (high - low) / 2, Math.abs(com[2]));  // all heights of the run are in view
+  camera.distance = 6 * reach; camera.centre = [com[0], com[1], (low + high) / 2]; way = followed(0.3 * reach);
 }
 function draw(mesh, model, rgb, alpha = 1, lit = 1) {
   gl.uniformMatrix4fv(where.model, false, model); gl.uniform4f(where.tint, ...rgb, alpha);
