@@ -89,6 +89,14 @@ def test_without_pushes_the_robot_is_drawn_now_and_then(hoap2: Robot, arrays: Ar
     assert {f"t = {t:.2f} s" for t in (0.0, 0.5, 1.0, 1.5, 2.0)} <= titles
 
 
+def test_a_flight_without_forces_leaves_no_row_empty(hoap2: Robot, arrays: Arrays) -> None:
+    figure = simulation_figure(
+        hoap2, {**arrays, "cop": np.full((ROWS, 3), np.nan)}, title="in the air"
+    )
+    lowest = min(axes.get_position().y0 for axes in plots(figure).values())
+    assert lowest * figure.get_figheight() < 1.5  # inches: room for its labels
+
+
 @pytest.mark.slow
 def test_the_ground_is_that_of_the_simulation(hoap2, arrays, monkeypatch) -> None:
     scenes: list[Scene] = []

@@ -20,7 +20,7 @@ from wbc.view.series import Series, plot_curves
 
 WIDTH = 12.0  # inches
 PANEL_SHAPE = (0.9, 1.7)  # height to width of a portrait, at least and at most
-TOP, BELOW_PANEL, ROWS, PLOT = 0.85, 0.35, 3, 2.1  # inches
+TOP, BELOW_PANEL, PLOT = 0.85, 0.35, 2.1  # inches
 PORTRAITS = 5  # portraits
 AFTER_PUSH = (0.0, 0.1, 0.3, 1.0)  # parts of the time after a push at which the robot is drawn
 TORQUE_CURVES = 4  # whose torque is drawn: those that use most of it
@@ -64,13 +64,14 @@ def simulation_figure(
         for k, one in zip(moments, acting, strict=True)
     }
     portraits = portrait.portraits_of(robot, names)
-    rows = ROWS + ("plan_com" in run)
+    draws = _plots(robot, run)
+    rows = len(draws) // 2  # the plots come in pairs
     figure = portrait.sheet_with_portraits(
         portraits, WIDTH / PORTRAITS, PANEL_SHAPE, columns=len(portraits), title=title,
         width=WIDTH, above=(TOP, 0.0), below=(BELOW_PANEL, 0.0), plots=rows * PLOT,
     )  # fmt: skip
     grid = figure.add_gridspec(rows, 2)
-    for k, draw in enumerate(_plots(robot, run)):
+    for k, draw in enumerate(draws):
         draw(figure.add_subplot(grid[k // 2, k % 2]))
     return figure
 
