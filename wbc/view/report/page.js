@@ -102,7 +102,7 @@ function followed(slack) {
 let way = [];
 function look() {
   const heights = com.filter((_, i) => i % 3 === 2), low = Math.min(...heights), high = Math.max(...heights);
-  const reach = Math.max(sizes[0] + (high - low) / 2, Math.abs(com[2]));  // all heights of the run are in view
+  const reach = Math.max(sizes[0] + (high - low) / 2, data.grounded ? Math.abs(com[2]) : 0);  // of all heights of the run
   camera.distance = 6 * reach; camera.centre = [com[0], com[1], (low + high) / 2]; way = followed(0.3 * reach);
 }
 function draw(mesh, model, rgb, alpha = 1, lit = 1) {
