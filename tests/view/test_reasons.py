@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tests.texts import REACH
@@ -20,7 +21,7 @@ from wbc.view.history import read_history
 from wbc.view.options import LAYERS, View
 from wbc.view.portrait import Pose, captions, portraits_of
 from wbc.view.render import render
-from wbc.view.run import plot_clearance
+from wbc.view.run import plot_clearance, plot_held_back
 from wbc.view.solids import solid_surface
 
 
@@ -47,6 +48,16 @@ def test_a_constraint_that_nothing_is_near_has_no_curve() -> None:
     axes = Figure().subplots()
     plot_clearance(axes, np.arange(3.0), {"room": np.full(3, np.inf)}, {})
     assert axes.get_ylim() == (-0.1, 1.0)
+
+
+def test_a_row_that_held_back_for_one_tick_of_a_long_run_is_seen() -> None:
+    figure = Figure(figsize=(4.0, 2.0))
+    canvas = FigureCanvasAgg(figure)
+    once = np.arange(20000) == 3001
+    plot_held_back(figure.subplots(), 0.005 * np.arange(20000), {"knee": once})
+    canvas.draw()
+    red, _, blue = np.asarray(canvas.buffer_rgba())[..., :3].astype(float).transpose(2, 0, 1)
+    assert np.count_nonzero(blue - red > 60) > 10  # pixels in the first colour, blue
 
 
 def test_bars_are_as_long_as_rows_held_back(result: Result, figure: Figure) -> None:

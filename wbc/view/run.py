@@ -109,6 +109,7 @@ def explanation_plots(run: DrawableRun) -> Iterator[Callable[[Axes], None]]:
 LINEAR = 1.0  # mm: nearer to zero the axis is linear, beyond it is logarithmic
 MOST_ROWS = 9  # rows shown, those that held back the longest
 BAR_WIDTH = 0.62  # of a bar, part of a row
+EDGE = 1.0  # points: a bar of one tick of a long run is seen by it
 LABEL_LENGTH = 34  # characters of a row's label
 
 
@@ -144,7 +145,7 @@ def plot_held_back(axes: Axes, time: Array, active: Mapping[str, NDArray[np.bool
     for row, label in enumerate(shown):
         bars = [(float(time[a]), float(time[b - 1] - time[a] + dt)) for a, b in runs(active[label])]
         colour = style.SERIES[row % len(style.SERIES)]
-        axes.broken_barh(bars, (row - 0.5 * BAR_WIDTH, BAR_WIDTH), color=colour, linewidth=0.0)
+        axes.broken_barh(bars, (row - 0.5 * BAR_WIDTH, BAR_WIDTH), color=colour, linewidth=EDGE)
     axes.set_xlim(float(time[0]), float(time[-1]) + (dt if len(time) == 1 else 0.0))
     axes.set_ylim(max(len(shown), 3) - 0.5, -0.5)
     axes.set_yticks(range(len(shown)), [shortened(label, LABEL_LENGTH) for label in shown])
