@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.cli.test_app import GOOD, refused, wbc_command
+from wbc.problem import load_problem
 from wbc.problem.replay import replay_run
 
 TORQUE = """\
@@ -54,6 +55,26 @@ def test_a_recorded_run_is_the_same_and_a_changed_one_is_not(file: Path, tmp_pat
     assert again.differences == ("final.com: another list",)
     assert again.versions[0].startswith("numpy 1.0, here ")
     assert wbc_command("replay", summary, "-q").stdout == ""
+
+
+@pytest.mark.parametrize("level", ["velocity", "torque"])
+def test_an_interrupted_run_is_compared_by_its_ticks(level: str, tmp_path: Path) -> None:
+    npz, asked = tmp_path / "r.npz", iter(range(999))
+    path = tmp_path / "p.yaml"
+    path.write_text(TORQUE if level == "torque" else GOOD)
+    if level == "torque":
+        pytest.importorskip("mujoco")
+    problem = load_problem(path)
+    begin = problem.simulate if level == "torque" else problem.run
+    result = begin(cancelled=lambda: next(asked) >= 3)
+    assert result.status.value == "interrupted"
+    result.save(npz)
+    answer = wbc_command("replay", npz)
+    assert answer.exit_code == 0, answer.stdout
+    ticks = result.summary()["ticks"]
+    assert f"{ticks} ticks of an interrupted run: the same" in answer.stdout
+    result.save(tmp_path / "r.json")
+    assert "only its ticks can be compared" in refused("replay", tmp_path / "r.json")
 
 
 def test_a_tick_that_gives_way_is_saved_and_asked_for_again(tmp_path: Path) -> None:

@@ -36,11 +36,14 @@ class RunReplay(NamedTuple):
         Entries that differ in any bit, in words; empty if none.
     versions:
         Packages whose versions differ, in words.
+    whole:
+        Whether the summary was compared, too: not that of an interrupted run.
     """
 
     ticks: int
     differences: tuple[str, ...]
     versions: tuple[str, ...]
+    whole: bool = True
 
     @property
     def same(self) -> bool:
@@ -59,12 +62,18 @@ def replay_run(
     Raises
     ------
     InvalidInputError
-        Not a result, or damaged.
+        Not a result, or damaged; or the ``.json`` of an interrupted run, without its ticks.
     ProblemFileError
         Its problem cannot be loaded, for instance because robot or motion files have moved.
     """
     path = Path(path)
     summary, arrays = read_result(path)
+    whole = summary.get("status") != "interrupted"
+    if not whole and not arrays:
+        raise InvalidInputError(
+            f"{path}: the summary of an interrupted run: only its ticks can be compared, and they "
+            "are in its .npz"
+        )
     made_of = summary.get("problem")
     if not isinstance(made_of, Mapping):
         raise InvalidInputError(f"{path}: does not hold the problem that it came from")
@@ -73,17 +82,20 @@ def replay_run(
     with tempfile.TemporaryDirectory(prefix="wbc-") as folder:
         again = Path(folder) / f"again{path.suffix.lower()}"
         result: Any
+        after = 0  # rows after the last tick's, which repeat it
         if isinstance(problem, Problem) and problem.spec.controller.level == "torque":
-            result = problem.simulate(progress, cancelled=cancelled)
+            result, after = problem.simulate(progress, cancelled=cancelled), 1
         else:
             result = problem.run(progress, cancelled=cancelled)
         result.save(again)
         now, now_arrays = read_result(again)
     ticks = min((len(a["time"]) for a in (arrays, now_arrays) if "time" in a), default=0)
+    if not whole:
+        ticks = max(ticks - after, 0)
     found = list(_array_differences(arrays, now_arrays, ticks))
-    if summary.get("status") != "interrupted":
+    if whole:
         found += _differences(summary, now, "")
-    return RunReplay(ticks, tuple(found), _other_versions(summary, now))
+    return RunReplay(ticks, tuple(found), _other_versions(summary, now), whole)
 
 
 def read_result(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -168,7 +180,10 @@ def _other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[
 
 def describe_replay(replay: RunReplay) -> str:
     """Return the result of a replay, in words."""
-    what = f"{replay.ticks} ticks and the summary" if replay.ticks else "the summary"
+    ticks = f"{replay.ticks} ticks"
+    what = f"{ticks} and the summary" if replay.ticks else "the summary"
+    if not replay.whole:
+        what = f"{ticks} of an interrupted run"
     if replay.same:
         return f"{what}: the same to the last bit"
     reasons = f"; versions differ: {', '.join(replay.versions)}" if replay.versions else ""
