@@ -72,7 +72,11 @@ def test_an_interrupted_run_is_compared_by_its_ticks(level: str, tmp_path: Path)
     answer = wbc_command("replay", npz)
     assert answer.exit_code == 0, answer.stdout
     ticks = result.summary()["ticks"]
-    assert f"{ticks} ticks of an interrupted run: the same" in answer.stdout
+    assert f"{ticks} ticks until the interruption: the same" in answer.stdout
+    begin().save(tmp_path / "whole.npz")
+    asked = iter(range(999))
+    again = replay_run(tmp_path / "whole.npz", cancelled=lambda: next(asked) >= 5)
+    assert again.same and 0 < again.ticks < 10
     result.save(tmp_path / "r.json")
     assert "only its ticks can be compared" in refused("replay", tmp_path / "r.json")
 

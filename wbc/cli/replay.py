@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED
+from wbc.cli.errors import NOT_REACHED, complain
 from wbc.cli.options import Quiet
 
 REPLAY_EXIT_CODES = (
     "Exit codes: 0 the same to the last bit, but for times; 1 bad input; 2 wrong usage; 3 not the"
-    " same."
+    " same; 130 or 143 ended by Ctrl-C or SIGTERM."
 )
 
 
@@ -76,4 +76,7 @@ def _run(file: Path, quiet: bool) -> tuple[bool, str]:
 
     with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
         again = replay_run(file, progress, interrupts)
+    if interrupts():
+        complain(f"interrupted; {describe_replay(again)}")
+        raise typer.Exit(interrupts.exit_code)
     return again.same, f"{file}: {describe_replay(again)}"

@@ -37,7 +37,7 @@ class RunReplay(NamedTuple):
     versions:
         Packages whose versions differ, in words.
     whole:
-        Whether the summary was compared, too: not that of an interrupted run.
+        Whether the summary was compared, too: not if it or the replay was interrupted.
     """
 
     ticks: int
@@ -90,6 +90,7 @@ def replay_run(
         result.save(again)
         now, now_arrays = read_result(again)
     ticks = min((len(a["time"]) for a in (arrays, now_arrays) if "time" in a), default=0)
+    whole = whole and now.get("status") != "interrupted"
     if not whole:
         ticks = max(ticks - after, 0)
     found = list(_array_differences(arrays, now_arrays, ticks))
@@ -130,7 +131,8 @@ def _array_differences(
             continue
         old, new = one, now.get(name)
         if new is None:
-            found.append(f"{name}: is not there any more")
+            if not name.startswith("active/") or old[:ticks].any():  # it may become active later
+                found.append(f"{name}: is not there any more")
             continue
         if one.ndim and len(old) == whole:  # a row per tick
             old, new = old[:ticks], new[:ticks]
@@ -183,7 +185,7 @@ def describe_replay(replay: RunReplay) -> str:
     ticks = f"{replay.ticks} ticks"
     what = f"{ticks} and the summary" if replay.ticks else "the summary"
     if not replay.whole:
-        what = f"{ticks} of an interrupted run"
+        what = f"{ticks} until the interruption"
     if replay.same:
         return f"{what}: the same to the last bit"
     reasons = f"; versions differ: {', '.join(replay.versions)}" if replay.versions else ""
