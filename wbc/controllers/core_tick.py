@@ -121,7 +121,8 @@ class CoreTick:
     @property
     def is_whole(self) -> bool:
         """Whether there is a command by all levels."""
-        return self.solved and self.level == self._memory.levels - 1
+        levels = self._memory.levels
+        return self.solved and (levels == 1 or self.level == levels - 1)
 
     @property
     def left_out(self) -> tuple[str, ...]:
