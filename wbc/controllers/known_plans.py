@@ -10,6 +10,7 @@ from typing import Any
 
 from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.mechanics import Mechanics
+from wbc.controllers.blocks import planned_as
 from wbc.tasks.task import Task
 
 MOST_KNOWN = 8  # sets of contacts; a walk has four, in both orders while forces ramp
@@ -62,6 +63,4 @@ def _own(contacts: Sequence[Task]) -> list[Task]:
 
 
 def _key(contacts: Sequence[Task], leaving: Mapping[str, float]) -> Key:
-    # Friction is read in each tick, but whether there is any decides the unknowns.
-    ids = ((id(one), getattr(one, "friction", None) is None) for one in _own(contacts))
-    return *ids, *leaving.items()
+    return *((id(one), planned_as(one)) for one in _own(contacts)), *leaving.items()
