@@ -35,7 +35,7 @@ def stairs(rise: float, tread: float, count: int, begin: float) -> Terrain:
 def flown(foot: SwingFoot, goal: Array, ground: float) -> list[FootPose]:
     poses = []
     for k in range(round(T / DT)):
-        foot = foot.advance(goal, ground, T - k * DT, DT)
+        foot = foot.advance(goal, ground, T - k * DT, DT, 100.0)
         poses.append(foot.pose())
     return poses
 

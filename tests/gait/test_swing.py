@@ -9,6 +9,7 @@ from wbc.gait.swing import FootPose, Lift, SwingFoot, SwingMotion, towards, turn
 from wbc.rotations import upright_on
 
 DT = 0.002
+MOST = 100.0  # m/s^2
 
 
 def test_an_unchanged_goal_is_met_on_one_curve_of_least_jerk() -> None:
@@ -80,7 +81,7 @@ def flown(lefts: Iterable[float]) -> tuple[list[FootPose], SwingFoot]:
     foot = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
     poses = []
     for left in lefts:
-        foot = foot.advance(np.array((0.2, 0.0, 0.1)), 0.0, left, DT)
+        foot = foot.advance(np.array((0.2, 0.0, 0.1)), 0.0, left, DT, MOST)
         poses.append(foot.pose())
     return poses, foot
 
@@ -111,10 +112,35 @@ def test_a_foot_that_hurries_is_accelerated_upwards_as_in_a_usual_step() -> None
     assert max(np.abs(hurried)) < 1.02 * max(np.abs(usual))
 
 
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+@pytest.mark.parametrize("soon", [0.03, 0.05, 0.08])
+def test_a_foot_whose_landing_is_put_off_does_not_pass_its_goal(soon: float, turn: float) -> None:
+    """It went 0.35 m past it, across the standing foot, and came back."""
+    goal, way = np.array((0.1, -0.3)), np.array((0.2, -0.3))  # the goal moves ahead, too
+    R = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
+    foot = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
+    poses = []
+    for left in np.append(np.arange(0.15, soon, -DT), np.arange(0.45, 0.0, -DT)):
+        place = R @ (goal if len(poses) < (0.15 - soon) / DT else way)
+        foot = foot.advance((*place, 0.0), 0.0, left, DT, MOST)
+        poses.append(foot.pose())
+    places, rates, changes = (
+        np.array([getattr(one, name)[:2] for one in poses]) @ R
+        for name in ("position", "rate", "acceleration")
+    )
+    assert places[:, 1].min() > -0.3 - 0.03
+    assert np.abs(changes).max() < 1.5 * MOST
+    np.testing.assert_allclose(
+        np.diff(places, axis=0), 0.5 * DT * (rates[1:] + rates[:-1]), atol=1e-4
+    )
+    np.testing.assert_allclose(places[-1], way, atol=1e-3)
+    np.testing.assert_allclose(rates[-1], 0.0, atol=0.05)
+
+
 def test_the_shorter_way_round() -> None:
     start = np.array((0.0, 0.0, 3.1))
     foot = SwingFoot.lift_off(start, 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
-    foot = foot.advance(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03)
+    foot = foot.advance(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03, MOST)
     assert foot.level.value[2] == pytest.approx(2 * np.pi - 3.1)
 
 

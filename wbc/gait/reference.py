@@ -186,7 +186,8 @@ class StepPlanner:
             x, y, z = phase.swing.normal.tolist()
             step = phase.goal - now.place(phase.support)
             ground = now.places[phase.support][2] - (x * step.real + y * step.imag) / z
-        swing = phase.swing.advance(goal, ground, phase.left, dt)
+        most = CATCH_ACCELERATION * self.limits.swing
+        swing = phase.swing.advance(goal, ground, phase.left, dt, most)
         return phase._replace(swing=swing), swing.pose()
 
     def double_time(self, phase: SingleSupport, now: GaitState) -> float:

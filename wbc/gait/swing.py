@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wbc.gait.adaptation import Reach
 from wbc.gait.crossing import Crossing
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rotations import upright_on
@@ -17,6 +18,9 @@ LEAST_LEFT = 0.03
 # Exponent of s (1 - s) in a foot's height, while it goes ahead with s^3: the less, the sooner it is
 # above an edge just before its toe; at 2 and less its acceleration jumps.
 STEEPNESS = 2.5
+
+# A foot whose landing is put off may go so far past its goal [m], and come back.
+PASSING = 0.02
 
 # Acceleration of a late foot up to its descent speed [m/s^2]: with a jump in speed, arms were
 # thrown up at their torque bounds in the last tick of most steps. A foot whose pace is outside
@@ -90,6 +94,45 @@ def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotio
     else:
         moved, rate, change = np.array(curves).dot(np.array((distance, v, a)))
     return SwingMotion(x + moved, rate, change)
+
+
+def _stopped(
+    now: SwingMotion, goal: Array, then: SwingMotion, left: float, dt: float, most: float
+) -> SwingMotion:
+    """Return ``then``, the motion ``dt`` later, stopped sooner where it would pass the goal.
+
+    A foot that is to land at once and then is given time, as the DCM turns back, would follow its
+    minimum-jerk curve to the other side of the standing foot, and come back: legs were crossed so.
+    """
+    if left * float(np.abs(now.rate[:2]).max()) <= PASSING:
+        return then
+    c, s = math.cos(goal.item(2)), math.sin(goal.item(2))
+    missing, v, a = ((x * c + y * s, y * c - x * s) for x, y, *_ in (goal - now.value, *now[1:]))
+    for axis, d, rate, change in zip(((c, s), (-s, c)), missing, v, a, strict=True):
+        end = _stopping_time(d, rate, change, left, most)
+        if end < left:
+            along, direction = SwingMotion(0.0, rate, change), np.array((*axis, 0.0, 0.0, 0.0))
+            sooner = towards(along, d, end, dt).minus(towards(along, d, left, dt))
+            then = then.plus(SwingMotion(*(part * direction for part in sooner)))
+    return then
+
+
+def _stopping_time(d: float, v: float, a: float, left: float, most: float) -> float:
+    """Return the time [s], at most ``left``, within which a foot stops at a distance ``d``.
+
+    The slope of a minimum-jerk curve just before its end is proportional to
+    30 d - 12 v T - 1.5 a T^2: with the least T of no slope it does not pass its goal, for v > 0.
+    """
+    if v < 0.0:
+        d, v, a = -d, -v, -a
+    room = max(d, 0.0) + PASSING
+    inside = 144.0 * v * v + 180.0 * a * room
+    if inside < 0.0:
+        return left  # it is slowed down enough
+    straight = 60.0 * room / max(12.0 * v + math.sqrt(inside), 1e-9)
+    if straight >= left:
+        return left
+    return min(left, max(straight, Reach((0.0, 0.0), (v, 0.0), most).min_time((d, 0.0), (d, 0.0))))
 
 
 class Lift(NamedTuple):
@@ -205,11 +248,17 @@ class SwingFoot(NamedTuple):
         return cls(level, still, height, normal, clearance, usual, descent, crossing=crossing)
 
     def advance(
-        self, goal: tuple[float, float, float], ground: float, left: float, dt: float
+        self,
+        goal: tuple[float, float, float],
+        ground: float,
+        left: float,
+        dt: float,
+        most: float,
     ) -> SwingFoot:
         """Return the foot ``dt`` later; it lands at ``goal`` (x, y, yaw) after ``left`` [s].
 
-        ``ground`` is the height below the goal [m].
+        ``ground`` is the height below the goal [m], ``most`` the largest acceleration of a foot
+        that stops before it passes the goal [m/s^2].
         """
         level, rate, crossing = self.level, (1.0 - self.done) / max(left, dt), self.crossing
         (x, y, yaw), heading = goal, level.value.item(2)
@@ -217,7 +266,7 @@ class SwingFoot(NamedTuple):
         end = np.array((x, y, yaw, *self.normal[:2].tolist()))
         curves = quintic(left, dt)
         if crossing is None:
-            level = _along(curves, level, end)
+            level = _stopped(self.level, end, _along(curves, level, end), left, dt, most)
         elif self.done >= crossing.begins:
             level = towards(level, end, left - crossing.ends / rate if rate else 0.0, dt)
         done, pace, late, tip = 1.0, self.pace, self.late + dt, self.tip
