@@ -97,21 +97,26 @@ def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotio
 
 
 def _stopped(
-    now: SwingMotion, goal: Array, then: SwingMotion, left: float, dt: float, most: float
+    now: SwingMotion,
+    goal: tuple[float, float, float],
+    then: SwingMotion,
+    left: float,
+    dt: float,
+    most: float,
 ) -> SwingMotion:
     """Return ``then``, the motion ``dt`` later, stopped sooner where it would pass the goal.
 
     A foot that is to land at once and then is given time, as the DCM turns back, would follow its
     minimum-jerk curve to the other side of the standing foot, and come back: legs were crossed so.
     """
-    if left * float(np.abs(now.rate[:2]).max()) <= PASSING:
-        return then
-    c, s = math.cos(goal.item(2)), math.sin(goal.item(2))
-    missing, v, a = ((x * c + y * s, y * c - x * s) for x, y, *_ in (goal - now.value, *now[1:]))
-    for axis, d, rate, change in zip(((c, s), (-s, c)), missing, v, a, strict=True):
-        end = _stopping_time(d, rate, change, left, most)
+    (x, y, *_), (vx, vy, *_), (ax, ay, *_) = [one.tolist() for one in now]
+    gx, gy, yaw = goal
+    c, s = math.cos(yaw), math.sin(yaw)
+    for ex, ey in ((c, s), (-s, c)):  # ahead, aside
+        d, v, a = ex * (gx - x) + ey * (gy - y), ex * vx + ey * vy, ex * ax + ey * ay
+        end = _stopping_time(d, v, a, left, most)
         if end < left:
-            along, direction = SwingMotion(0.0, rate, change), np.array((*axis, 0.0, 0.0, 0.0))
+            along, direction = SwingMotion(0.0, v, a), np.array((ex, ey, 0.0, 0.0, 0.0))
             sooner = towards(along, d, end, dt).minus(towards(along, d, left, dt))
             then = then.plus(SwingMotion(*(part * direction for part in sooner)))
     return then
@@ -266,7 +271,7 @@ class SwingFoot(NamedTuple):
         end = np.array((x, y, yaw, *self.normal[:2].tolist()))
         curves = quintic(left, dt)
         if crossing is None:
-            level = _stopped(self.level, end, _along(curves, level, end), left, dt, most)
+            level = _stopped(self.level, goal, _along(curves, level, end), left, dt, most)
         elif self.done >= crossing.begins:
             level = towards(level, end, left - crossing.ends / rate if rate else 0.0, dt)
         done, pace, late, tip = 1.0, self.pace, self.late + dt, self.tip
