@@ -308,6 +308,19 @@ def test_who_stands_over_an_edge_does_not_tip_over_it(g1: Robot) -> None:
     assert np.degrees(np.arccos(steepest)) < 15.0  # 7; 30 where it was pressed beyond the edge
 
 
+@pytest.mark.slow
+def test_who_is_pushed_over_a_foot_that_comes_down_sets_it_where_it_catches(g1: Robot) -> None:
+    """48 N s made a G1 fall whose foot was held where it touched the ground on its way there."""
+    walker, plant = wbc.gait.Walker(g1), Plant(g1)
+    walker.command(0.5)
+    single = walker.gait.single
+    while not (walker.steps == 6 and getattr(walker.phase, "elapsed", 0.0) > 0.7 * single):
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+    plant.push("torso_link", (0.0, -270.0, 0.0), duration=0.2)
+    walked(walker, plant, 2.5)
+    assert plant.com[2] > 0.95 * walker.gait.height
+
+
 def test_a_tick_of_another_robot_is_refused(g1_27: Robot, hoap2: Robot) -> None:
     walker, there = wbc.gait.Walker(hoap2), g1_27.snapshot(g1_27.posture("standing"))
     with pytest.raises(InvalidInputError, match="expected a snapshot"):
