@@ -18,6 +18,7 @@ import math
 from typing import NamedTuple
 
 from wbc.gait.dcm import shift_gain
+from wbc.native import lib
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.core import FlatForm, FlatQP
 from wbc.qp.problem import Labels
@@ -26,8 +27,6 @@ VARIABLES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
 ROW_LABELS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
 FORM = FlatForm(Labels(("dcm x", "dcm y"), ROW_LABELS, VARIABLES))
-UNBOUNDED = (math.inf,) * 4  # b and w are not bounded
-NO_LOWER = (-math.inf,) * 8  # rows have upper bounds only
 SOLVER = ActiveSet()
 # What limits a footstep, named by active bounds on u and sigma (lower, upper) and active rows.
 BINDING_BOUNDS = (
@@ -159,7 +158,7 @@ def step_qp(
     double: float,
     weights: StepWeights,
 ) -> FlatQP:
-    """Return the QP in x = (u, sigma / sigma_0, b, w).
+    """Return the QP in x = (u, sigma / sigma_0, b, w), as source/footstep.c writes it.
 
     Parameters
     ----------
@@ -168,40 +167,14 @@ def step_qp(
     nominal:
         The plan whose deviation is the cost; its ``vrp`` too.
     """
-    sigma, growth = math.exp(omega * nominal.left), math.exp(omega * double)
-    gain, (dx, dy), (sx, sy) = shift_gain(omega, double), dcm, bounds.sole
-    place, time, offset, vrp = weights
-    vrp /= (sigma - 1.0) ** 2
-    cost = place, place, time, offset, offset, vrp, vrp
-    (px, py), (bx, by), (zx, zy) = nominal.place, nominal.offset, nominal.vrp
-    target = px, py, 1.0, bx, by, (sigma - 1.0) * zx, (sigma - 1.0) * zy
-    P = [0.0] * 49
-    P[::8] = cost
-    A = (
-        *(gain, 0.0, -growth * sigma * dx, 1.0, 0.0, growth, 0.0),
-        *(0.0, gain, -growth * sigma * dy, 0.0, 1.0, 0.0, growth),
-    )
     slopes, offsets = bounds.reach.rows(bounds.about)
-    a, b, c, d = slopes
-    # T = about + (sigma / sigma(about) - 1) / omega, to first order
-    per_growth = -math.exp(omega * (nominal.left - bounds.about)) / omega
-    C = (
-        *(0.0, 0.0, -sigma * sx, 0.0, 0.0, 1.0, 0.0),
-        *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, 1.0),
-        *(0.0, 0.0, -sigma * sx, 0.0, 0.0, -1.0, 0.0),
-        *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, -1.0),
-        *(1.0, 0.0, per_growth * a, 0.0, 0.0, 0.0, 0.0),
-        *(0.0, 1.0, per_growth * b, 0.0, 0.0, 0.0, 0.0),
-        *(-1.0, 0.0, per_growth * c, 0.0, 0.0, 0.0, 0.0),
-        *(0.0, -1.0, per_growth * d, 0.0, 0.0, 0.0, 0.0),
-    )
-    shift = bounds.about - 1.0 / omega
-    reach_bounds = [c + h * shift for h, c in zip(slopes, offsets, strict=True)]
-    g = [-weight * goal for weight, goal in zip(cost, target, strict=True)]
-    lower = *bounds.lower, math.exp(omega * bounds.min_time) / sigma, *NO_LOWER[:4]
-    upper = *bounds.upper, math.exp(omega * bounds.max_time) / sigma, *UNBOUNDED
-    u = -sx, -sy, -sx, -sy, *reach_bounds
-    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LOWER, *u], FORM)
+    step = *dcm, *nominal.place, nominal.left, *nominal.offset, *nominal.vrp
+    times, sole = (bounds.min_time, bounds.max_time), bounds.sole
+    box = *bounds.lower, *bounds.upper, *times, *sole, *slopes, *offsets, bounds.about
+    pendulum = omega, double, shift_gain(omega, double)
+    numbers = FORM.memory()
+    lib.wbc_footstep((*step, *box, *pendulum, *weights), numbers)
+    return FlatQP(numbers, FORM)
 
 
 def adapt_step(

@@ -336,6 +336,15 @@ int wbc_solve_qp(const wbc_qp *qp, const double *compliance, int64_t most, doubl
 int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps, int64_t most, double *out,
                    int64_t *order);
 
+/* What the next footstep follows from, in the stance foot's axes [m, s]; named as wbc/gait/adaptation.py does. */
+typedef struct {
+    double dcm[2], place[2], left, offset[2], vrp[2], lower[2], upper[2], min_time, max_time, sole[2];
+    double slopes[4], offsets[4], about; /* of the reach */
+    double omega, double_support, gain, weights[4];
+} wbc_footstep_plan;
+/* Write its QP as wbc_solve_flat reads it; given: the numbers of a wbc_footstep_plan. Returns 0. */
+int wbc_footstep(const double *given, double *numbers);
+
 /* Write primal, dual and complementarity residual of x, y, z, z_box to found (3). gradient (n) is scratch. Returns
  * 0. */
 int wbc_residuals(const wbc_qp *qp, double *gradient);
