@@ -6,6 +6,8 @@ segments are their own hulls here, and a plain controller need not load SciPy.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,13 +21,13 @@ CONVEX = 1e-9
 FLAT = 1e-9
 
 
-def convex_hull(points: Array, flat: float = 0.0) -> Array:
+def convex_hull(points: ArrayLike, flat: float = 0.0) -> Array:
     """Return the corners (k, 2) of the convex hull of points (n, 2), counter-clockwise.
 
     Andrew's monotone chain; collinear and repeated points are dropped. ``flat``: so are corners
     that turn left by less, as a fraction of the points' extent squared; 0 keeps what rounding made.
     """
-    rows = sorted({(float(x), float(y)) for x, y in points})
+    rows = sorted({(x, y) for x, y in np.asarray(points, dtype=float).tolist()})
     if len(rows) < 3:
         return np.array(rows).reshape(-1, 2)  # a point or a segment is its own hull
     least = flat * float(np.square(np.ptp(rows, axis=0)).sum()) if flat else 0.0
@@ -174,6 +176,8 @@ def nearest_point(polygon: Array, points: Array) -> Array:
 
     Or of each of many (..., k, 2), of which those with fewer corners have one several times.
     """
+    if points.ndim == 1 and _holds(polygon.tolist(), points.tolist()):
+        return points
     edges = np.roll(polygon, -1, axis=-2) - polygon
     arms = points[..., None, :] - polygon  # (..., k, 2)
     squares = np.maximum(np.einsum("...ij,...ij->...i", edges, edges), 1e-300)
@@ -187,6 +191,12 @@ def nearest_point(polygon: Array, points: Array) -> Array:
     return np.where(left.all(axis=-1, keepdims=True), points, nearest)
 
 
+def _holds(corners: list[list[float]], point: list[float]) -> bool:
+    """Return whether a point is on the left of every edge: most are, and NumPy takes far longer."""
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    return len(corners) > 2 and all(_turn(a, b, point) >= 0.0 for a, b in ends)
+
+
 def _chain(rows: list[tuple[float, float]], least: float) -> list[tuple[float, float]]:
     chain: list[tuple[float, float]] = []
     for point in rows:
@@ -196,6 +206,6 @@ def _chain(rows: list[tuple[float, float]], least: float) -> list[tuple[float, f
     return chain
 
 
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
     """Return twice the signed area of a triangle, positive when a, b, c turn left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -50,8 +50,6 @@ LANDING_DISTANCE = 0.1
 MAX_DELAY = 1.2
 # A commanded stop ends the walk if the foot is this near to its nominal place [m].
 HALT_DISTANCE = 0.03
-# Corners of a sole, in units of its half size.
-CORNER_SIGNS = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
 # A prescribed footstep is left only where the sole and the time of landing do not suffice.
 EXACT = StepWeights(place=100.0)
 
@@ -229,9 +227,8 @@ class StepPlanner:
         next one, or pushed beyond them.
         """
         if phase.given:
-            hull = convex_hull(np.concatenate(list(self._corners(now, SOLE_SHARE).values())))
-            dcm = np.array((now.dcm.real, now.dcm.imag))
-            return bool(polygon_margin(hull, dcm) >= 0.0)
+            hull = _hull(self._corners(now, SOLE_SHARE))
+            return bool(polygon_margin(hull, (now.dcm.real, now.dcm.imag)) >= 0.0)
         start, place = now.place(phase.support), now.place(other(phase.support))
         nominal = start + nominal_step(self.gait, phase.support, heading, velocity)
         return velocity.at_rest and abs(place - nominal) < HALT_DISTANCE
@@ -308,19 +305,25 @@ class StepPlanner:
             return place + complex(a * x + b * y, c * x + d * y)
         corners = self._corners(now)
         if isinstance(phase, DoubleSupport) and phase.unloading:
-            end, old = np.array(now.places[phase.support][:2]), other(phase.support)
+            end, old = now.place(phase.support), other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
-            corners[old] = end + share * (corners[old] - end)
-        hull = convex_hull(np.concatenate(list(corners.values())))
-        return in_plane(nearest_point(hull, np.array((vrp.real, vrp.imag))))
+            corners[old] = [end + share * (corner - end) for corner in corners[old]]
+        return in_plane(nearest_point(_hull(corners), np.array((vrp.real, vrp.imag))))
 
-    def _corners(self, now: GaitState, share: float = 1.0) -> dict[str, Array]:
-        """Return the corners (4, 2) of a ``share`` of each sole [m], by foot."""
-        return {
-            foot: place[:2]
-            + (share * self.soles[foot] * CORNER_SIGNS) @ now.rotations[foot][:2, :2].T
-            for foot, place in now.places.items()
-        }
+    def _corners(self, now: GaitState, share: float = 1.0) -> dict[str, list[complex]]:
+        """Return the corners (4,) of a ``share`` of each sole, x + i y [m], by foot."""
+        found = {}
+        for foot, rotation in now.rotations.items():
+            (a, b, _), (c, d, _), _ = rotation.tolist()
+            length, width = self.soles[foot].tolist()
+            ahead, aside = share * length * complex(a, c), share * width * complex(b, d)
+            ways, place = (ahead + aside, aside - ahead), now.place(foot)
+            found[foot] = [place + sign * way for way in ways for sign in (1.0, -1.0)]
+        return found
+
+
+def _hull(corners: dict[str, list[complex]]) -> Array:
+    return convex_hull([(p.real, p.imag) for sole in corners.values() for p in sole])
 
 
 def sole_half_sizes(robot: Robot) -> dict[str, Array]:
