@@ -5,8 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from wbc.gait.swing import FootPose, Lift, SwingFoot, SwingMotion, towards, turned, yaw_of
+from wbc.gait.swing import FootPose, SwingFoot, SwingMotion, towards, turned, yaw_of
 from wbc.rotations import upright_on
+from wbc.validate import Array
 
 DT = 0.002
 MOST = 100.0  # m/s^2
@@ -45,23 +46,15 @@ def test_the_goal_is_met_at_rest() -> None:
     np.testing.assert_allclose(now.rate, 0.0, atol=0.05)
 
 
-def test_lift() -> None:
-    lift = Lift(0.02, 0.05, 0.06)
-    assert lift.at(0.0, 2.0) == pytest.approx((0.02, 0.0, 0.0))
-    assert lift.at(1.0, 2.0) == pytest.approx((0.05, 0.0, 0.0))
-    assert lift.at(0.5, 2.0)[0] == pytest.approx(0.035 + 0.06)
-    h, rate = 1e-5, 2.5
-    for s in (0.1, 0.37, 0.8):
-        ahead, here, behind = (lift.at(s + d, rate) for d in (h, 0.0, -h))
-        assert here[1] == pytest.approx((ahead[0] - behind[0]) / (2 * h) * rate, rel=1e-6)
-        assert here[2] == pytest.approx((ahead[1] - behind[1]) / (2 * h) * rate, rel=1e-6)
-
-
 def test_a_foot_rises_as_fast_as_it_goes_ahead() -> None:
     """On a step of 0.35 m, lifted by 5.8 cm: a toe 1 cm before an edge is lifted over 9 mm."""
-    s = np.linspace(0.0, 0.5, 501)
-    ahead = 0.35 * (10 * s**3 - 15 * s**4 + 6 * s**5)  # Flash and Hogan
-    heights = np.array([Lift(0.0, 0.0, 0.058).at(x, 1.0)[0] for x in s])
+    foot = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.058, 1.0, 0.2)
+    ahead, heights = [], []
+    for k in range(500):
+        foot = foot.advance((0.35, 0.0, 0.0), 0.0, 1.0 - 1e-3 * k, 1e-3, MOST)
+        x, _, z = foot.pose().position
+        ahead.append(x)
+        heights.append(z)
     assert np.interp(0.01, ahead, heights) > 9e-3
 
 
@@ -87,10 +80,26 @@ def flown(lefts: Iterable[float]) -> tuple[list[FootPose], SwingFoot]:
 
 
 def test_a_foot_whose_plan_stays_is_on_its_lift() -> None:
-    poses, _ = flown(0.4 - k * DT for k in range(200))
-    lift = [Lift(0.0, 0.0, 0.05).at(k / 200, 2.5) for k in range(1, 201)]
-    heights = [(one.position[2], one.rate[2], one.acceleration[2]) for one in poses]
-    np.testing.assert_allclose(heights, lift, atol=1e-9)
+    """From one height to the other on the smoothest way, and up and down between."""
+    foot, T, poses = SwingFoot.lift_off(np.zeros(3), 0.02, np.eye(3)[2], 0.06, 0.4, 0.2), 0.4, []
+    for k in range(200):
+        foot = foot.advance((0.2, 0.0, 0.1), 0.05, T - k * DT, DT, MOST)
+        poses.append(foot.pose())
+
+    def height(t: Array) -> Array:
+        s = t / T
+        return 0.02 + 0.03 * s**3 * (10 - 15 * s + 6 * s**2) + 0.06 * (4 * s * (1 - s)) ** 2.5
+
+    z, rate, acceleration = (
+        np.array([getattr(one, name)[2] for one in poses])
+        for name in ("position", "rate", "acceleration")
+    )
+    np.testing.assert_allclose(z, height(DT * np.arange(1, 201)), atol=1e-9)
+    assert (rate[-1], acceleration[-1]) == pytest.approx((0.0, 0.0), abs=1e-9)
+    t, h, inner = DT * np.arange(6, 196), 1e-4, slice(5, 195)
+    ahead, here, behind = height(t + h), height(t), height(t - h)
+    np.testing.assert_allclose(rate[inner], (ahead - behind) / (2 * h), atol=1e-4)
+    np.testing.assert_allclose(acceleration[inner], (ahead - 2 * here + behind) / h**2, atol=1e-2)
 
 
 @pytest.mark.parametrize("at", [20, 60, 100, 150])

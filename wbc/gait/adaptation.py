@@ -37,10 +37,6 @@ BINDING_BOUNDS = (
 BINDING_ROWS = ("the sole",) * 4 + ("acceleration of the foot",) * 4
 # Smaller multipliers are not reported: 1e-3 in the cost is 1 mm of a step.
 NEGLIGIBLE = 1e-3
-# A foot of velocity v that comes to rest on a minimum-jerk curve within T, at an acceleration of at
-# most a, gets REST_RANGE a T^2 away from v T/2, and needs T >= STOP_TIME v/a. (Extremes of
-# 60 s - 180 s^2 + 120 s^3 and of 6 s - 6 s^2.)
-REST_RANGE, STOP_TIME = 0.1 * math.sqrt(3.0), 1.5
 
 
 Pair = tuple[float, float]
@@ -65,19 +61,12 @@ class Reach(NamedTuple):
 
     def min_time(self, lower: Pair, upper: Pair) -> float:
         """Return the shortest time [s] to come to rest in the box of corners (2,)."""
-        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
-        missing_by = lower[0] - x, lower[1] - y, x - upper[0], y - upper[1]
-        shortest = STOP_TIME * max(abs(vx), abs(vy)) / self.acceleration
-        for missing, rate in zip(missing_by, (vx, vy, -vx, -vy), strict=True):
-            b = 0.5 * rate
-            discriminant = b * b + 4.0 * k * missing  # of k T^2 + b T >= missing; negative: always
-            if discriminant > 0.0:
-                shortest = max(shortest, (math.sqrt(discriminant) - b) / (2.0 * k))
-        return shortest
+        pairs = tuple(self.place), tuple(self.rate), tuple(lower), tuple(upper)
+        return float(lib.wbc_rest_time(self.acceleration, *pairs))
 
     def rows(self, time: float) -> tuple[list[float], list[float]]:
         """Return h (4,), c (4,) of (u, -u) <= h T + c: the reach linearised at T = ``time``."""
-        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
+        k, (x, y), (vx, vy) = lib.wbc_rest_range * self.acceleration, self.place, self.rate
         slope, offset = 2.0 * k * time, k * time**2
         h = [slope + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
         return h, [place - offset for place in (x, y, -x, -y)]

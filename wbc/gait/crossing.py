@@ -8,7 +8,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
-from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
+from wbc.minimum_jerk import minimum_jerk
+from wbc.native import lib
 from wbc.run.phase_support import Ground
 from wbc.validate import Array, finite_array
 
@@ -20,9 +21,8 @@ MIN_EDGE = 0.1
 SAMPLES = 41  # points of the path at which the ground is evaluated
 TIMES = np.linspace(0.0, 1.0, 201)  # normalised time of the horizontal motion
 PROGRESS = minimum_jerk(TIMES)
-# Pitch of the foot: as a ratio of the path's slope, its maximum [rad], and the normalised time of
-# its peak.
-PITCH_RATIO, MAX_PITCH, PITCH_PEAK = 1.3, 0.6, 0.35
+# Pitch of the foot: as a ratio of the path's slope, and its maximum [rad].
+PITCH_RATIO, MAX_PITCH = 1.3, 0.6
 # The horizontal motion takes at least this part of the swing time.
 MIN_ADVANCE = 0.4
 ITERATIONS = 4  # for the dwells at both ends: each shortens the time that the other has
@@ -36,17 +36,15 @@ class Crossing(NamedTuple):
 
     Attributes
     ----------
-    start, top, end:
-        Heights of the foot at lift-off, half way, and at touch-down [m].
+    top:
+        Height of the foot half way [m].
     begins, ends:
         Parts of the swing time, at its beginning and end, without horizontal motion.
     tip:
         Largest pitch of the foot, toe down [rad].
     """
 
-    start: float
     top: float
-    end: float
     begins: float
     ends: float
     tip: float
@@ -101,7 +99,7 @@ class Crossing(NamedTuple):
         slope = (peak - min(first, last)) * max(ahead, 0.0) / max(float(path @ path), 1e-9)
         half, lift = float(np.abs(corners[:, 0]).max()), peak + clearance - first
         # The pitch starts faster than the height, by this factor.
-        lead = (0.5 / PITCH_PEAK) ** 3
+        lead = (0.5 / lib.wbc_pitch_peak) ** 3
         tip = min(PITCH_RATIO * slope, MAX_PITCH, lift / ((lead - 1.0) * half))
         drop = half * math.sin(tip)  # of the toe below the middle of the sole
         top, wanted = peak + clearance + drop, terrain + EDGE_MARGIN * clearance + drop
@@ -116,21 +114,7 @@ class Crossing(NamedTuple):
             begins = _dwell(rising[rises], ahead[rises], ends)
             ends = _dwell(lowering[falls], 1.0 - ahead[falls], begins)
         excess = max(1.0, (begins + ends) / (1.0 - MIN_ADVANCE))
-        return cls(first, top, last, begins / excess, ends / excess, tip)
-
-    def height_at(self, s: float, rate: float) -> tuple[float, float, float]:
-        """Return the height [m], its rate and acceleration at the normalised time ``s``.
-
-        ``rate`` is that of s [1/s], taken as constant.
-        """
-        low = self.start if s < 0.5 else self.end
-        part, slope, curve = ((self.top - low) * one for one in _bump(s, rate, 0.5))
-        return low + part, slope, curve
-
-    def pitch_at(self, s: float, rate: float) -> tuple[float, float, float]:
-        """Return the pitch, toe down [rad], its rate and acceleration, likewise."""
-        part, slope, curve = (self.tip * one for one in _bump(s, rate, PITCH_PEAK))
-        return part, slope, curve
+        return cls(top, begins / excess, ends / excess, tip)
 
 
 def heights(ground: Ground, points: Array) -> Array:
@@ -147,16 +131,6 @@ def heights(ground: Ground, points: Array) -> Array:
             f" such as terrain.height, got {shown(ground)}"
         )
     return finite_array("footsteps, ground, at k points", ground(points), (len(points),))
-
-
-def _bump(s: float, rate: float, top: float) -> tuple[float, float, float]:
-    """Return a curve from 0 to 1 at s = ``top`` and to 0 at s = 1, with its rate and acceleration.
-
-    Its curvature is zero at all three.
-    """
-    part, scale = (s / top, 1.0 / top) if s < top else ((1.0 - s) / (1.0 - top), -1.0 / (1.0 - top))
-    slope, curve = minimum_jerk_rates(part)
-    return minimum_jerk(part), slope * scale * rate, curve * (scale * rate) ** 2
 
 
 def _dwell(cleared: Array, ahead: Array, later: float) -> float:

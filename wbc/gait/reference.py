@@ -177,8 +177,7 @@ class StepPlanner:
         if phase.swing.late > MAX_DELAY / self.gait.omega:
             return True
         pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
-        x, y, *_ = phase.swing.level.value.tolist()
-        near = abs(phase.goal - complex(x, y)) < LANDING_DISTANCE
+        near = abs(phase.goal - in_plane(phase.swing.level.value)) < LANDING_DISTANCE
         return pressed and near and phase.swing.done > MIN_DONE
 
     def advance_swing(
@@ -269,8 +268,9 @@ class StepPlanner:
         sign, reach_ahead = SIGN[other(support)], self.limits.catch
         lateral = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
         lower, upper = (-reach_ahead, lateral[0]), (reach_ahead, lateral[1])
-        level, swing = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
-        reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), swing)
+        most = CATCH_ACCELERATION * self.limits.swing
+        level = phase.swing.level
+        reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), most)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
         min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
         max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)

@@ -345,6 +345,33 @@ typedef struct {
 /* Write its QP as wbc_solve_flat reads it; given: the numbers of a wbc_footstep_plan. Returns 0. */
 int wbc_footstep(const double *given, double *numbers);
 
+/* A foot in the air (source/swing.c): x, y [m], yaw [rad] and the horizontal part of the sole's unit normal, and
+ * their rates and accelerations; its height, likewise [m]; the part of its path that is done; the rate of that by
+ * the nominal one; and the time since the planned touch-down [s]. */
+typedef struct {
+    double level[3][5], height[3], done, pace, late;
+} wbc_swing_foot;
+/* Its path: the height at lift-off [m], the horizontal part of the normal where it lands, how high it is lifted in
+ * the usual time [m, s], the speed at which it goes on down when late [m/s]. Over edges, if it crosses any: its height
+ * half way [m], the parts of the time at both ends without horizontal motion, the largest pitch, toe down [rad]. */
+typedef struct {
+    double start, normal[2], clearance, usual, descent, crosses, top, begins, ends, tip;
+} wbc_swing_path;
+/* A late foot's acceleration up to that speed [m/s^2], and the part of the time at which the pitch is largest. */
+extern const double wbc_speed_up, wbc_pitch_peak;
+/* Write the foot dt later, and its pose (24): position, rotation, twist and the twist's derivative. It lands
+ * at x, y, yaw on ground of that height [m] after left [s]; most is the largest acceleration of a foot that stops
+ * before it passes its goal [m/s^2]. Returns 0. */
+int wbc_swing(const wbc_swing_path *path, double x, double y, double yaw, double ground, double left, double dt,
+              double most, const wbc_swing_foot *before, wbc_swing_foot *foot, double *pose);
+/* Write motions (3, n), values, rates and accelerations, dt later on the curves of least jerk that end at rest at the
+ * goals (n) after left [s]; out may be now. Returns 0. */
+int wbc_towards(int64_t n, double left, double dt, const double *now, const double *goal, double *out);
+/* The shortest time [s] within which a foot comes to rest in a box of corners (2), at an acceleration of at most that on
+ * each axis: within T it gets to place + T/2 rate +- rest_range acceleration T^2. */
+extern const double wbc_rest_range;
+double wbc_rest_time(double most, const double *place, const double *rate, const double *lower, const double *upper);
+
 /* Write primal, dual and complementarity residual of x, y, z, z_box to found (3). gradient (n) is scratch. Returns
  * 0. */
 int wbc_residuals(const wbc_qp *qp, double *gradient);
