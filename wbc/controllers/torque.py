@@ -249,6 +249,8 @@ class TorqueController(Controller):
             frame: read_only(finite_array(f"step, wrenches[{frame!r}]", wrench, (6,)))
             for frame, wrench in by_name("step, wrenches", wrenches).items()
         }
+        if not (given or self._wrenches):  # as in the tick before
+            return
         forces = np.zeros(self.robot.nv)
         for frame, wrench in given.items():
             forces += snapshot.jacobian(frame).T @ wrench
