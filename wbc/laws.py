@@ -25,6 +25,12 @@ from wbc.validate import Array, finite_number, read_only
 Columns = slice | NDArray[np.int64]
 
 
+def columns_of(entries: Sequence[int]) -> Columns:
+    """Return entries as a slice where they follow each other: NumPy reads it in half the time."""
+    first, end = min(entries), max(entries) + 1
+    return slice(first, end) if [*entries] == [*range(first, end)] else np.array(entries)
+
+
 @cache
 def zero_rate(shape: tuple[int, ...]) -> Array:
     """Return the rate of a fixed target: shared zeros, which laws recognise and do not add."""

@@ -35,8 +35,6 @@ class Velocity(NamedTuple):
 
     def towards(self, goal: Velocity, change: float, turn: float) -> Velocity:
         """Return the velocity nearest to ``goal`` within ``change`` [m/s] and ``turn`` [rad/s]."""
-        if goal == self:
-            return goal
         dx, dy = goal.vx - self.vx, goal.vy - self.vy
         share = min(1.0, change / max(math.hypot(dx, dy), 1e-12))
         dyaw = goal.yaw_rate - self.yaw_rate

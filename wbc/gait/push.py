@@ -52,7 +52,7 @@ class PushObserver(NamedTuple):
         cx, cy, cz = snapshot.com.tolist()
         velocity = self.omega * (now.dcm - complex(cx, cy))
         if not wrenches or self.expected is None:
-            return self._replace(expected=velocity if wrenches else None, push=0j)
+            return type(self)(self.omega, self.height, velocity if wrenches else None)
         total_x = total_y = 0.0  # M s', of the forces and of their moments about the CoM
         for foot, wrench in wrenches.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
@@ -64,7 +64,7 @@ class PushObserver(NamedTuple):
         expected = self.expected + (rate + self.push) * dt
         error, pole = velocity - expected, math.exp(-self.omega * dt / OBSERVER_TIME)
         push = self.push + (1.0 - pole) ** 2 / dt * error
-        return self._replace(expected=expected + (1.0 - pole**2) * error, push=push)
+        return type(self)(self.omega, self.height, expected + (1.0 - pole**2) * error, push)
 
     def predict(self, now: GaitState, delay: float = 0.0) -> GaitState:
         """Return a state with the DCM predicted for the end of the push.
@@ -78,4 +78,4 @@ class PushObserver(NamedTuple):
             Over which the state was already predicted, without the push [s].
         """
         dcm = now.dcm + (PUSH_DURATION / self.omega**2 + delay / self.omega) * self.push
-        return now._replace(dcm=dcm)
+        return GaitState(dcm, now.places, now.rotations, now.pressure_offset)

@@ -13,7 +13,7 @@ import numpy as np
 from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeights, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
-from wbc.gait.footsteps import SIGN, nominal_offset, nominal_step, other
+from wbc.gait.footsteps import nominal_offset, nominal_step, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
 from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity_for
@@ -153,14 +153,13 @@ class StepPlanner:
         separations = [now.place("left") - now.place("right")]
         if isinstance(phase, SingleSupport):
             separations.append(phase.goal - now.place(phase.support))
-        to_heading, reduction = cmath.rect(1.0, -heading), 0.0
+        to_heading, farthest, limits = cmath.rect(1.0, -heading), 0.0, self.limits
         for separation in separations:
             local = separation * to_heading  # x forwards, y to the left
-            halfway = 0.5 * min(abs(local.real), self.limits.catch)
-            excess_width = max(min(abs(local.imag), self.limits.catch_aside) - self.legs.width, 0.0)
-            height = self.legs.com_height_for(math.hypot(halfway, excess_width))
-            reduction = max(reduction, self.gait.height - height)
-        return reduction
+            halfway = 0.5 * min(abs(local.real), limits.catch)
+            excess_width = max(min(abs(local.imag), limits.catch_aside) - self.legs.width, 0.0)
+            farthest = max(farthest, math.hypot(halfway, excess_width))
+        return max(0.0, self.gait.height - self.legs.com_height_for(farthest))
 
     def single_time(self, phase: SingleSupport) -> float:
         """Return the nominal duration of a single support [s]."""
@@ -265,11 +264,10 @@ class StepPlanner:
         nominal = StepPlan(
             local(to_next), max(single - phase.elapsed, freeze), local(offset), (0.0, 0.0)
         )
-        sign, reach_ahead = SIGN[other(support)], self.limits.catch
-        lateral = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
-        lower, upper = (-reach_ahead, lateral[0]), (reach_ahead, lateral[1])
-        most = CATCH_ACCELERATION * self.limits.swing
-        level = phase.swing.level
+        ahead, near, far = self.limits.catch, gait.least_width, self.limits.catch_aside
+        least, widest = (near, far) if support == "right" else (-far, -near)
+        lower, upper = (-ahead, least), (ahead, widest)
+        level, most = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
         reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), most)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
         min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))

@@ -385,8 +385,10 @@ class Walker:
             now = now._replace(dcm=dcm, pressure_offset=self._whole_body.pressure_offset)
         on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
         wanted = on_steps or self.wanted
-        self.velocity = self.velocity.towards(wanted, acceleration * dt, YAW_ACCELERATION * dt)
-        if not isinstance(self.phase, Standing):
+        if self.velocity != wanted:
+            change = acceleration * dt, YAW_ACCELERATION * dt
+            self.velocity = self.velocity.towards(wanted, *change)
+        if self.velocity.yaw_rate and not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
         self._judge_strain()
         phase = self._next_phase(snapshot, now, wrenches)
@@ -519,10 +521,12 @@ class Walker:
         logging.getLogger(__name__).warning("walker: %s", note, extra=NOTED)
 
     def _count_unadapted(self, phase: SingleSupport) -> None:
-        if not (phase.adapted or self.unadapted):
+        if phase.adapted:
+            return
+        if not self.unadapted:
             message = "walker: the QP of a footstep was not solved; the usual one is made instead"
             logging.getLogger(__name__).warning(message)
-        self.unadapted += not phase.adapted
+        self.unadapted += 1
 
     def _measured(self, snapshot: Snapshot) -> GaitState:
         return GaitState.of(snapshot, self._frames, self.gait.omega, self.gait.height)

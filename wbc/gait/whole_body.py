@@ -213,6 +213,7 @@ class WholeBody:
                 f"walker, slack: {frame!r} is a sole, whose contact comes and goes; leave it out:"
                 " constraints may have slack"
             )
+        self._in_air: str | None = None  # the foot whose task has weight
         for task in self._swing.values():
             task.switch_off()
         self._free_leg_acceleration(robot)
@@ -243,7 +244,7 @@ class WholeBody:
 
     def hold(self, snapshot: Snapshot, feet: Iterable[str], ramp: float) -> None:
         """Make contacts of these feet, where they are; others are unloaded within ``ramp`` [s]."""
-        feet = tuple(feet)
+        feet, self._in_air = tuple(feet), None
         for foot in feet:
             self._contacts[foot].move_to(snapshot)
             self._swing[foot].switch_off()
@@ -257,7 +258,8 @@ class WholeBody:
     def swing(self, foot: str, pose: FootPose, *, exact: bool = False, over: bool = False) -> None:
         """Set a swing foot's target; ``exact``: to a prescribed footstep, ``over`` edges or not."""
         task = self._swing[foot]
-        if not task.weight.any():
+        if self._in_air != foot:
+            self._in_air = foot
             given = self._edge_weight if over else self._prescribed_weight
             task.weight = given if exact else self._swing_weight
         task.set_target(*pose)

@@ -89,9 +89,9 @@ class NativeState(NamedTuple):
         """Return a quantity by the name of its place: a view on the whole."""
         return self.array[self.tree.parts[name]].reshape(shape)
 
-    def copied(self, name: str, *shape: int) -> Array:
+    def copied(self, name: str) -> Array:
         """Return a copy of a quantity, which does not keep the whole array alive."""
-        return read_only(self.part(name, *shape).copy())
+        return read_only(self.array[self.tree.parts[name]].copy())
 
     def inertia_hessian(self, weights: Array, mass: float) -> Array:
         """Return the second derivative (nv, nv) by v of <weights, inertia>: see curvature.c."""

@@ -127,7 +127,7 @@ class KinematicState:
     @lazy
     def com(self) -> Array:
         """CoM (3,) in the world [m]."""
-        return self.native_state.copied("com", 3)
+        return self.native_state.copied("com")
 
     @lazy
     def centroidal_map(self) -> Array:
@@ -137,7 +137,7 @@ class KinematicState:
     @lazy
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
-        return self.native_state.copied("momentum", 6)
+        return self.native_state.copied("momentum")
 
     @lazy
     def com_jacobian(self) -> Array:
@@ -159,7 +159,7 @@ class KinematicState:
     @lazy
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
-        return self.native_state.copied("inertia", 3, 3)
+        return self.native_state.copied("inertia").reshape(3, 3)
 
     def inertia_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.

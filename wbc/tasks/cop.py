@@ -57,8 +57,8 @@ class CopTask(ForceTask):
                 f"{self}, target: expected a point {wanted}, got {shown(target)}"
             )
         goal = self._target(point, (size,))
-        about = np.zeros(4)  # the point, and whether its height is the contacts'
-        about[:size], about[3] = goal, size == 2
+        # The point, and whether its height is the contacts'.
+        about = np.array((*goal.tolist(), *((0.0,) if size == 3 else (0.0, 1.0))))
         self._assign(_goal=goal, _about=read_only(about))
 
     def native(self) -> tuple[NativeRows, ...]:

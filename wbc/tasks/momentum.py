@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn, Unpack
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.kinds import one_of
-from wbc.laws import Residual
+from wbc.laws import Residual, columns_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.core_task import CoreTask
@@ -57,9 +56,7 @@ class MomentumTask(CoreTask):
             one_of("momentum component", component, LINEAR + ANGULAR)
         super().__init__(robot, name, components, **law)
         self._entries = tuple((LINEAR + ANGULAR).index(c) for c in components)
-        # All of them as a slice: no copy.
-        every = self._entries == tuple(range(6))
-        self._selected = slice(0, 6) if every else np.array(self._entries)
+        self._selected = columns_of(self._entries)
         self.set_target(target)
 
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:

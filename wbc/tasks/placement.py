@@ -51,12 +51,12 @@ class PlacementTask(Task):
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(self, turn, "rotation")
+        moved: dict[str, Array] = {}
         if self._set_rates((6,), rate, acceleration):
             speed, push = self.target_rate, self.target_acceleration
-            bias, drift = read_only(-speed[:3]), read_only(-push[:3])
-            parts = {"_turn_rate": speed[3:], "_turn_acceleration": push[3:]}
-            self._assign(_bias=bias, _drift=drift, **parts)
-        self._assign(position=place, rotation=turn)
+            moved = {"_bias": read_only(-speed[:3]), "_turn_rate": speed[3:]}
+            moved |= {"_drift": read_only(-push[:3]), "_turn_acceleration": push[3:]}
+        self._assign(position=place, rotation=turn, **moved)
 
     @property
     def target(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.kinds import one_of
+from wbc.laws import columns_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.core_task import CoreTask
@@ -33,8 +34,10 @@ class PointTask(CoreTask):
     ) -> None:
         axes = names_of("axes of a point", axes)
         super().__init__(robot, name, axes, **law)
-        self._selected = axis_indices(axes)
-        self._entries = tuple(np.arange(3)[self._selected].tolist())
+        for axis in axes:
+            one_of("axis", axis, AXES)
+        self._entries = tuple(AXES.index(axis) for axis in axes)
+        self._selected = columns_of(self._entries)
         self._mass = read_only(np.array((robot.mass,)))
         self.set_target(target)
 
@@ -46,12 +49,11 @@ class PointTask(CoreTask):
     ) -> None:
         """Set target position (3,) [m] and, for a moving target, its velocity and acceleration."""
         place = self._target(target, (3,))
+        moved: dict[str, Array] = {}
         if self._set_rates((3,), rate, acceleration):
-            rows = self._selected
-            bias = self._negative(self.target_rate, rows)
-            drift = self._negative(self.target_acceleration, rows)
-            self._assign(_bias=bias, _drift=drift)
-        self._assign(_goal=place)
+            moved["_bias"] = self._negative(self.target_rate, self._selected)
+            moved["_drift"] = self._negative(self.target_acceleration, self._selected)
+        self._assign(_goal=place, **moved)
 
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the point and its target; where an axis is not controlled both agree."""
@@ -139,12 +141,3 @@ class PositionTask(PointTask):
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m]."""
         return (posture.position(self.frame) - self.target)[self._selected]
-
-
-def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:
-    """Return the index of the named axes; a slice (no copy) when all three are wanted in order."""
-    for axis in axes:
-        one_of("axis", axis, AXES)
-    if tuple(axes) == AXES:
-        return slice(None)
-    return np.array([AXES.index(axis) for axis in axes])
