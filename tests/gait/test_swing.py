@@ -150,7 +150,7 @@ def test_the_shorter_way_round() -> None:
     start = np.array((0.0, 0.0, 3.1))
     foot = SwingFoot.lift_off(start, 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
     foot = foot.advance(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03, MOST)
-    assert foot.level.value[2] == pytest.approx(2 * np.pi - 3.1)
+    assert foot.numbers[2] == pytest.approx(2 * np.pi - 3.1)
 
 
 def test_soles_are_laid_on_slopes() -> None:

@@ -176,7 +176,7 @@ class StepPlanner:
         if phase.swing.late > MAX_DELAY / self.gait.omega:
             return True
         pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
-        near = abs(phase.goal - in_plane(phase.swing.level.value)) < LANDING_DISTANCE
+        near = abs(phase.goal - phase.swing.place) < LANDING_DISTANCE
         return pressed and near and phase.swing.done > MIN_DONE
 
     def advance_swing(
@@ -267,8 +267,8 @@ class StepPlanner:
         ahead, near, far = self.limits.catch, gait.least_width, self.limits.catch_aside
         least, widest = (near, far) if support == "right" else (-far, -near)
         lower, upper = (-ahead, least), (ahead, widest)
-        level, most = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
-        reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), most)
+        foot, most = phase.swing, CATCH_ACCELERATION * self.limits.swing
+        reach = Reach(local(foot.place - base), local(foot.speed), most)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
         min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
         max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)

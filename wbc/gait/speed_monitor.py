@@ -66,13 +66,11 @@ class SpeedMonitor(NamedTuple):
         push:
             Observed acceleration by external forces [m/s^2].
         """
-        quiet = PUSH_TIME / self.omega if push > PUSH * self.gravity else self.unjudged - dt
-        return self._replace(
-            unjudged=max(quiet, 0.0),
-            strain=self.strain + dt * self.omega / FILTER_TIME * (at_limit - self.strain),
-            duration=self.duration + dt,
-            commanded=self.commanded + dt * speed,
-        )
+        omega, gravity, unjudged, strain, start, duration, commanded, before = self
+        quiet = PUSH_TIME / omega if push > PUSH * gravity else unjudged - dt
+        strain += dt * omega / FILTER_TIME * (at_limit - strain)
+        way = duration + dt, commanded + dt * speed
+        return type(self)(omega, gravity, max(quiet, 0.0), strain, start, *way, before)
 
     def land(self, com: complex) -> Self:
         """Return the monitor of the next step."""

@@ -122,9 +122,14 @@ class SwingFoot(NamedTuple):
         return cls(numbers, path, normal, crossing, np.zeros(24))
 
     @property
-    def level(self) -> SwingMotion:
-        """Reference of x, y [m], yaw [rad] and the horizontal part of the sole's normal (5,)."""
-        return SwingMotion(*self.numbers[:15].reshape(3, 5))
+    def place(self) -> complex:
+        """Where it is, as x + i y [m]."""
+        return complex(*self.numbers[:2].tolist())
+
+    @property
+    def speed(self) -> complex:
+        """How fast it goes, likewise [m/s]."""
+        return complex(*self.numbers[5:7].tolist())
 
     @property
     def done(self) -> float:

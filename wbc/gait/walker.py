@@ -456,12 +456,13 @@ class Walker:
 
     def _set_targets(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the targets of CoM and trunk."""
-        vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
+        gait = self.gait
+        vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
         if now.pressure_offset:
             vrp += self._pressure_shift
         reduction = self._planner.height_reduction(self.phase, now, self.heading)
-        follow = HEIGHT_RATE * self.gait.omega
-        lowering = self._nominal_height - self.gait.height + reduction
+        follow = HEIGHT_RATE * gait.omega
+        lowering = self._nominal_height - gait.height + reduction
         level = reference.ground if reference.level is None else reference.level
         if self._sink_time > 0.0:
             if self._sink_time <= SINKING_TIME:
@@ -474,9 +475,9 @@ class Walker:
         if reference.level is not None:
             # At another height or vertical acceleration the DCM has the planned rate, that of a
             # constant omega, if the CoP's distance from the CoM is scaled by this ratio.
-            com, g = snapshot.com, self.gait.gravity
+            com, g = snapshot.com, gait.gravity
             vertical = max(g + self._ground.acceleration, MIN_WEIGHT_SHARE * g)
-            ratio = self.gait.omega**2 * (float(com[2]) - reference.ground) / vertical
+            ratio = gait.omega**2 * (float(com[2]) - reference.ground) / vertical
             vrp = in_plane(com) + ratio * (vrp - in_plane(com))
         ground, *rates = self._ground
         height = SwingMotion(ground + self._nominal_height, *rates)

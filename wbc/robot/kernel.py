@@ -72,6 +72,12 @@ class NativeTree:
             found = self._places[index] = integers(joint), doubles(placement)
         return found
 
+    def pose(self, state: Array, index: int) -> Array:
+        """Return origin and rotation of a frame (12,), one behind the other."""
+        out = np.empty(lib.FRAME_JACOBIAN)
+        lib.wbc_frame_pose(self.struct, doubles(state), *self.place(index), doubles(out))
+        return read_only(out)
+
     def frame(self, state: Array, index: int) -> Array:
         """Return origin, rotation and Jacobian of a frame, one behind the other."""
         out = np.empty(self.frame_size)

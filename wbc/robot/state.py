@@ -58,7 +58,7 @@ class KinematicState:
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array) -> None:
         own = self.__dict__  # past __setattr__, which would take as long as all the rest
-        own.update(robot=robot, q=q, v=v, _placements={}, _frames={})
+        own.update(robot=robot, q=q, v=v, _placements={}, _jacobians={})
         own["_sealed"] = True
 
     @classmethod
@@ -107,8 +107,8 @@ class KinematicState:
         return {}
 
     @lazy
-    def _frames(self) -> dict[str, Array]:
-        """As the core found them, by name."""
+    def _jacobians(self) -> dict[str, Array]:
+        """Likewise."""
         return {}
 
     @lazy
@@ -298,8 +298,13 @@ class KinematicState:
 
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
-        self.placement(frame)
-        return self._frames[frame][POSE:].reshape(6, -1)
+        self.placement(frame)  # says so of what is no frame
+        found = self._jacobians.get(frame)
+        if found is None:
+            state = self.native_state
+            whole = state.tree.frame(state.array, self.robot.frame_id(frame))
+            found = self._jacobians[frame] = whole[POSE:].reshape(6, -1)
+        return found
 
     @lazy
     def joint_placements(self) -> tuple[Array, Array]:
@@ -316,9 +321,8 @@ class KinematicState:
         return self.native_state.part("twists", 6, -1)
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
-        """Return where a frame is; its Jacobian, which few do without, is kept."""
-        state, index = self.native_state, self.robot.frame_id(frame)
-        self._frames[frame] = found = state.tree.frame(state.array, index)
-        pose = read_only(found[:POSE].copy())  # may be kept longer than the rest
+        """Return where a frame is."""
+        state = self.native_state
+        pose = state.tree.pose(state.array, self.robot.frame_id(frame))
         placed = self._placements[frame] = pose[:3], pose[3:].reshape(3, 3)
         return placed

@@ -370,3 +370,9 @@ int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const i
     }
     return 0;
 }
+
+int wbc_frame_pose(const wbc_tree *tree, const double *state, const int64_t *joint, const double *placement,
+                   double *out) {
+    place_frame(tree, state, *joint, placement, 1, out);
+    return 0;
+}
