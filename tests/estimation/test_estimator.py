@@ -20,7 +20,7 @@ from wbc.estimation import (
     Measurement,
     StateEstimator,
 )
-from wbc.estimation.notes import count_notes
+from wbc.estimation.estimate import count_notes
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation, log_rotation, quaternion_from, rotation_from
 from wbc.validate import Array

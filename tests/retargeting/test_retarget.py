@@ -15,10 +15,10 @@ from tests.retargeting.humans import crouching, facing, stepping
 from wbc.retargeting import RetargetWeights, body_map
 from wbc.retargeting.initial_guess import interpolate
 from wbc.retargeting.result import Reached
-from wbc.retargeting.side_by_side import human_beside
 from wbc.retargeting.targets import balance_com
 from wbc.retargeting.tracking_errors import dissimilarity_notes, penetration_notes
 from wbc.robot import Robot
+from wbc.view.live.retargeted import human_beside
 from wbc.view.mcap_export import write_retargeted
 
 

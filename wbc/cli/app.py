@@ -15,10 +15,8 @@ from wbc import __version__
 from wbc.cli import hardware_check, hardware_run, hardware_sim
 from wbc.cli.analyze import analyze
 from wbc.cli.batch import BATCH_EXIT_CODES, batch
-from wbc.cli.bench import add_bench
-from wbc.cli.cache import cache
 from wbc.cli.codegen import codegen
-from wbc.cli.doctor import doctor
+from wbc.cli.doctor import add_bench, cache, doctor
 from wbc.cli.errors import BAD_INPUT, Commands, complain, print_warnings, refused
 from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
 from wbc.cli.problems import check, init, schema

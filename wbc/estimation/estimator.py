@@ -24,11 +24,10 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, shown
 from wbc.estimation.contact_filter import STATE_SIZE
 from wbc.estimation.core import EstimatorCore, EstimatorMemory
-from wbc.estimation.estimate import Estimate
+from wbc.estimation.estimate import Estimate, notes_of
 from wbc.estimation.initialization import Initialization
 from wbc.estimation.joint_velocity import JointVelocityFilter
 from wbc.estimation.measurement import ImuMount, Measurement
-from wbc.estimation.notes import notes_of
 from wbc.estimation.settings import EstimatorSettings
 from wbc.kinds import check_kind
 from wbc.native import doubles, ffi, lib, pointer

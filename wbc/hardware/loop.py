@@ -16,9 +16,8 @@ import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import Bus, BusError, Command, Reading, thrown_away
-from wbc.hardware.log_row import log_fields, log_row
+from wbc.hardware.log_row import LoopState, log_fields, log_row
 from wbc.hardware.loop_result import HANGS, LoopResult, is_fault
-from wbc.hardware.loop_state import LoopState
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
 from wbc.hardware.real_time import Beat, CycleClock, check_cpus, pin, real_time

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError, WbcError
 from wbc.estimation import ImuMount, ImuReading, Measurement, StateEstimator
-from wbc.estimation.notes import count_notes, frequent_notes
+from wbc.estimation.estimate import count_notes, frequent_notes
 from wbc.gait.phases import Standing
 from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.gait.swing import turned

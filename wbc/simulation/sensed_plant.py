@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.estimation import Estimate, EstimatorSettings, StateEstimator
-from wbc.estimation.notes import count_notes, frequent_notes
+from wbc.estimation.estimate import count_notes, frequent_notes
 from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.simulation.estimate_errors import EstimateErrors

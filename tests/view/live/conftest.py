@@ -22,8 +22,9 @@ from wbc.rotations import rotation_from
 from wbc.view.live.collect import controller_info, obstacles_of, targets_of, tick_info
 from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Frame, PullForce, Restart, Setup
-from wbc.view.live.page import Page, Server
+from wbc.view.live.page import Page
 from wbc.view.live.process import HOST, page_address
+from wbc.view.live.server import Server
 from wbc.view.live.session import checked
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from wbc.view.live.controls import Recording
 from wbc.view.live.messages import Frame
-from wbc.view.live.recording import Recording
 
 
 def frame(time: float) -> Frame:

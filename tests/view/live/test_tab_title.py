@@ -6,8 +6,8 @@ from urllib.request import Request, urlopen
 import pytest
 
 from tests.view.live.conftest import Stage
-from wbc.view.live.page import Server
 from wbc.view.live.process import HOST, page_address
+from wbc.view.live.server import Server
 
 
 def page_of(url: str, encoding: str) -> str:

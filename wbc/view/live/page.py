@@ -10,32 +10,27 @@ import pickle
 import threading
 import time
 import traceback
-from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
-import viser
 
 from wbc.view.camera import viewing_axes
 from wbc.view.live.camera_following import Following
-from wbc.view.live.controls import Controls, PushControls
-from wbc.view.live.grip import Grip
+from wbc.view.live.controls import Controls, PushControls, Recording
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import WORLD, Context, Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
-from wbc.view.live.layers.pushes import PullLayer, PushLayer
+from wbc.view.live.layers.pushes import Grip, PullLayer, PushLayer
 from wbc.view.live.layers.robot import BesideLayer, RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import ControllerInfo, Frame, Request, Restart, Setup, WholeRun
-from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import LivePanel
 from wbc.view.live.process import Failed, Ready
-from wbc.view.live.recording import Recording
+from wbc.view.live.server import Server
 from wbc.view.live.shown_frame import ShownFrame
 from wbc.view.live.sliders import Sliders
-from wbc.view.live.tab_title import with_title
 
 NICE = 10  # lower priority than the control loop
 SHARE = 0.2  # of a processor: limit on drawing; slow drawing means fewer frames
@@ -47,27 +42,6 @@ LAYERS: tuple[type[Layer], ...] = (  # of every robot, in the order of the page
 )
 ROBOT_OPACITY = 0.55  # opacity of the robot once there are contact forces to see
 AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
-
-
-class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
-    """A server that refuses foreign pages, and requests for a public tunnel.
-
-    Parameters
-    ----------
-    title:
-        Of the panel.
-    robot:
-        The robot's name, for the title of the browser's tab.
-    """
-
-    def __init__(self, host: str, port: int, title: str, robot: str) -> None:
-        tab = " - ".join(dict.fromkeys((title, robot, "wbc")))
-        with own_pages_only(host, partial(with_title, title=tab)):
-            super().__init__(host, port, label=title, verbose=False)
-
-    def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refuse."""
-        return None
 
 
 class Page:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
+from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view.live.layers.forces import REACH
 from wbc.view.live.layers.layer import GREY, VERMILION, Context, Layer
-from wbc.view.live.messages import PUSH_DURATION
+from wbc.view.live.messages import PUSH_DURATION, PullRobot, ReleasePull, Request
 from wbc.view.live.shown_frame import ShownFrame
 
 LONGEST = 0.6  # of the robot's size: the arrow of the largest push
 AWAY = 0.25  # of the robot's size: distance of its tip from the CoM, outside the body
 LEAST = 1e-3  # of the largest: smaller ones are not drawn
+KEY = "shift"  # held while dragging: a drag without it turns the camera
 
 
 class PushLayer(Layer):
@@ -67,3 +71,68 @@ class PullLayer(Layer):
         if pull is not None:
             tip = pull.point + pull.force / self._stiffness
             self._arrow.points = np.stack([pull.point, tip])[None].astype(np.float32)
+
+
+class Grip:
+    """Sends pull requests for the dragged part.
+
+    A spring pulls the grabbed point towards the pointer, in the plane through the point that faces
+    the camera. It is as stiff as makes the arrow of its force end at the pointer.
+
+    Parameters
+    ----------
+    size:
+        Of the robot [m].
+    links:
+        Name of the link, and the node, of each shape that can be grabbed.
+    send:
+        Told of each drag, by :class:`PullRobot`, and of its end, by :class:`ReleasePull`.
+    """
+
+    def __init__(
+        self,
+        size: float,
+        robot: Robot,
+        links: Iterable[tuple[str, Any]],
+        send: Callable[[Request], None],
+    ) -> None:
+        self._send = send
+        self._stiffness = robot.weight / (REACH * size)
+        self._changing = threading.Lock()  # drags are told by another thread than shows
+        self._shown: ShownFrame | None = None
+        self._link = ""  # what is grabbed; empty: nothing
+        self._point = np.zeros(3)  # of the link, in its axes
+        self._pointer = np.zeros(3)  # from the page's origin [m], world axes
+        for link, mesh in links:
+            self._make_grabbable(link, mesh)
+
+    def _make_grabbable(self, link: str, mesh: Any) -> None:
+        async def dragged(event: Any) -> None:  # async: in the order in which it happened
+            with self._changing:
+                if event.phase == "end":
+                    self._link = ""
+                    self._send(ReleasePull())
+                    return
+                if event.phase == "start" and self._shown is not None:
+                    self._grab(link, np.array(event.start_position), self._shown)
+                if self._link and self._shown is not None:
+                    self._pointer = np.array(event.end_position)
+                    self._pull(self._shown.followed)
+
+        mesh.on_drag("left", modifier=KEY)(dragged)
+
+    def _grab(self, link: str, place: Array, shown: ShownFrame) -> None:
+        """Grab a link at a place (3,) from the page's origin."""
+        R, p = shown.snapshot.rotation(link), shown.snapshot.position(link)
+        self._link, self._point = link, R.T @ (place + shown.followed - p)
+
+    def _pull(self, followed: Array) -> None:
+        target = self._pointer + followed
+        self._send(PullRobot(self._link, self._point, target, self._stiffness))
+
+    def show(self, shown: ShownFrame) -> None:
+        """Update for a frame; a resting pointer moves through the world with the view."""
+        with self._changing:
+            before, self._shown = self._shown, shown
+            if self._link and before is not None and (shown.followed != before.followed).any():
+                self._pull(shown.followed)

@@ -5,7 +5,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 
 from tests.view.live.conftest import Stage, client_of
-from wbc.view.live.origin import refusal
+from wbc.view.live.server import refusal
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://localhost:1"])
