@@ -54,13 +54,7 @@ def cache_folder() -> Path | None:
 
 
 def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:
-    """Return the ending of a file's name, in small letters.
-
-    Raises
-    ------
-    InvalidInputError
-        None of ``endings``; ``expected`` tells what is written. Or it is no path.
-    """
+    """Return the ending of a file's name, in small letters."""
     check_path("file to write", path)
     ending = Path(path).suffix.lower()
     if ending not in endings:

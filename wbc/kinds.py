@@ -50,13 +50,7 @@ def check_switches(instance: Any, what: str, *names: str) -> None:
 
 
 def whole_number(what: str, value: Any, *, least: int = 0, most: float = 1e6) -> int:
-    """Return a count, from ``least`` to ``most``; 3.0 is 3.
-
-    Raises
-    ------
-    InvalidInputError
-        No whole number, or one out of range.
-    """
+    """Return a count, from ``least`` to ``most``; 3.0 is 3."""
     number = finite_number(what, value, least=least)
     if not number.is_integer():
         raise InvalidInputError(f"{what}: expected a whole number, got {shown(value)}")

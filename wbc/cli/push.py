@@ -99,13 +99,7 @@ def push(
 
 
 def ratios_of(text: str) -> list[float]:
-    """Return the ratios of ``from:to:step`` or of a list of numbers.
-
-    Raises
-    ------
-    InvalidInputError
-        Neither, or too many.
-    """
+    """Return the ratios of ``from:to:step`` or of a list of numbers."""
     from wbc.errors import InvalidInputError
 
     mistake = f"--ratios {text}: expected from:to:step, as in {RATIOS}, or numbers as in 1.0,1.2"

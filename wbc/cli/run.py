@@ -198,13 +198,7 @@ def sim(
 
 @dataclass(frozen=True)
 class _RunOptions:
-    """Options of a run besides the problem.
-
-    Raises
-    ------
-    InvalidInputError
-        An output that cannot be written, drawn or shown.
-    """
+    """Options of a run besides the problem."""
 
     path: Path
     output: list[Path]
@@ -242,11 +236,6 @@ class _RunOptions:
         """Yield the observer of every tick: viewer, stream, the saver of the first relaxed tick.
 
         Failures of these are noted in ``outputs``; the run goes on.
-
-        Raises
-        ------
-        InvalidInputError
-            A pendulum's problem cannot be streamed; or no such stream.
         """
         from wbc.errors import InvalidInputError
         from wbc.problem import Problem
@@ -275,13 +264,7 @@ class _RunOptions:
             yield observe if observers else None
 
     def watching(self, problem: Problem | PendulumProblem) -> RunViewer | None:
-        """Return the live viewer of the run, if requested.
-
-        Raises
-        ------
-        InvalidInputError
-            A pendulum's problem: the viewer shows robots.
-        """
+        """Return the live viewer of the run, if requested."""
         from wbc.errors import InvalidInputError
         from wbc.problem import Problem
         from wbc.view.live.run_viewer import RunViewer

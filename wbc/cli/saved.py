@@ -160,13 +160,7 @@ def export(
 
 
 def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | SavedPendulum:
-    """Return the run of an ``.npz``, or that of a problem file, which is run or simulated first.
-
-    Raises
-    ------
-    InvalidInputError
-        Another file than a result.
-    """
+    """Return the run of an ``.npz``, or that of a problem file, which is run or simulated first."""
     from wbc.cli.progress import shown_progress, starting
     from wbc.errors import InvalidInputError
     from wbc.hardware.log_file import HardwareLog, is_log

@@ -31,11 +31,6 @@ def literal(text: str) -> str:
 
     Hexadecimal escapes would go on into the digits that follow; ``\u`` knows no surrogates and
     nothing below 160 (C99, 6.4.3).
-
-    Raises
-    ------
-    CodegenError
-        It has more than 4095 bytes, or a zero among them.
     """
     data = text.encode("utf-8", "surrogatepass")
     if len(data) > LONGEST_LITERAL:

@@ -30,13 +30,7 @@ class CoreParts(NamedTuple):
 
 
 def core_parts(controller: Controller) -> CoreParts:
-    """Return what the core computes every tick of a controller by.
-
-    Raises
-    ------
-    CodegenError
-        It does not know all parts of it.
-    """
+    """Return what the core computes every tick of a controller by."""
     reason, solver = _unsupported(controller), controller.backend
     if reason is None and isinstance(solver, ActiveSet):
         return CoreParts(controller.core, solver)

@@ -102,11 +102,6 @@ def record(problem: Problem, ticks: int) -> TickRecording:
     """Run a problem of a kind that was checked, of the torque level in simulation.
 
     Return its first ticks.
-
-    Raises
-    ------
-    CodegenError
-        It has something that the core does not know, or no tick that the core makes alone.
     """
     found = TickRecording(ticks)
     torque = isinstance(problem.spec.controller, TorqueSpec)

@@ -64,13 +64,7 @@ def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:
 
 
 def feet_of(robot: Robot, mode: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the feet that a support mode stands on; what is listed as it is.
-
-    Raises
-    ------
-    UnknownNameError
-        A mode that does not exist, or one of feet that the robot does not have.
-    """
+    """Return the feet that a support mode stands on; what is listed as it is."""
     if not isinstance(mode, str):
         return tuple(mode)
     if mode not in SUPPORTS:

@@ -58,11 +58,6 @@ def distances_of(constraint: Constraint, found: object) -> Distances:
     """Return what a margin's ``distances()`` returned, in arrays of its own if it is a user's.
 
     Those may be filled anew at the end of the step. Clearances may be infinite: nothing is near.
-
-    Raises
-    ------
-    InvalidInputError
-        A user's margin returns something else; the message names the field.
     """
     if constraint._tested:
         return cast(Distances, found)

@@ -58,11 +58,6 @@ def listen(
     ----------
     up:
         The axis of the IMU (3,) that is vertical when the robot stands.
-
-    Raises
-    ------
-    WbcError
-        Too few usable readings, or most of the same time.
     """
     checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds

@@ -88,11 +88,6 @@ class HardwareLog:
         """Return the rows with an estimate, as a run that can be drawn.
 
         Phases are the loop's modes; torques are measured.
-
-        Raises
-        ------
-        InvalidInputError
-            There are none.
         """
         arrays, robot = self.arrays, self.problem.parts.robot
         known = np.isfinite(arrays["q"]).all(axis=1) & np.isfinite(arrays["v"]).all(axis=1)

@@ -554,13 +554,7 @@ def _refuse_second(bus: Bus) -> None:
 
 
 def cycles_per_tick(dt: float) -> int:
-    """Return the number of cycles in the controller's period.
-
-    Raises
-    ------
-    InvalidInputError
-        It is not an integer.
-    """
+    """Return the number of cycles in the controller's period."""
     cycles = round(dt / PERIOD)
     if cycles < 1 or abs(cycles * PERIOD - dt) > 1e-9:
         raise InvalidInputError(

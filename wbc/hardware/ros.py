@@ -96,12 +96,6 @@ def state_of(robot: Robot, joints: Any, base: Any) -> tuple[Array, Array]:
 
     Both are dictionaries as above, or ROS messages. Joints, and the entries of a vector, may come
     in any order; other joints are ignored.
-
-    Raises
-    ------
-    InvalidInputError
-        A joint of the robot, a rate or another field is missing, a joint comes twice, or numbers
-        that are not finite.
     """
     names, rows = list(_field(joints, "JointState", "name")), list[Array]()
     places, times = {name: k for k, name in enumerate(names)}, Counter(names)

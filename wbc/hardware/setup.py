@@ -209,11 +209,6 @@ def check_start(problem: Problem) -> None:
     """Refuse a problem that does not begin on all feet, on which the robot stands up.
 
     A robot that is bolted, or has no feet, cannot.
-
-    Raises
-    ------
-    InvalidInputError
-        The message names the feet.
     """
     robot, held = problem.parts.robot, {one.frame for one in problem.parts.contacts}
     if robot.fixed_base or not robot.feet:

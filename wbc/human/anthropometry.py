@@ -87,26 +87,14 @@ PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 
 
 def check_sex(sex: str) -> str:
-    """Return the sex in lower case.
-
-    Raises
-    ------
-    InvalidInputError
-        Neither ``female`` nor ``male``.
-    """
+    """Return the sex in lower case."""
     if not isinstance(sex, str) or sex.lower() not in SEXES:
         raise InvalidInputError(f"sex: expected {' or '.join(SEXES)}, got {sex!r}")
     return sex.lower()
 
 
 def check_build(mass: Any, stature: Any) -> tuple[float | None, float | None]:
-    """Return mass [kg] and stature [m] as numbers, or None.
-
-    Raises
-    ------
-    InvalidInputError
-        No numbers, or outside the range of humans, as in another unit.
-    """
+    """Return mass [kg] and stature [m] as numbers, or None."""
 
     def checked(what: str, value: Any, least: float, most: float, unit: str) -> float | None:
         number = None if value is None else finite_number(what, value, above=0.0)

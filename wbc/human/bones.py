@@ -69,11 +69,6 @@ def joint_landmarks(
     owners:
         The skeleton of each joint; None: the part of its name before the colon. All with legs are
         humans.
-
-    Raises
-    ------
-    RecordingError
-        Hips, knees or ankles are missing.
     """
     owners = [name.rpartition(":")[0] for name in names] if owners is None else owners
     plain = [_normalized(name) for name in names]

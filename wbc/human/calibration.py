@@ -87,11 +87,6 @@ def calibrate(
     ----------
     stature:
         [m]; None: by the lengths between joints.
-
-    Raises
-    ------
-    InvalidInputError
-        Lengths that no human has.
     """
     guess = stature if stature is not None else _estimate_stature(observed, landmarks)
     for _ in range(2 if stature is None else 1):

@@ -41,11 +41,6 @@ def identify_markers(
     """Return the landmarks of the usable markers by label, and notes on the others.
 
     Markers that only the static trial has come last.
-
-    Raises
-    ------
-    RecordingError
-        Markers that a fit needs are missing.
     """
     found, unknown = dict[str, Landmark](), list[str]()
     for one in (recording, *(() if static is None else (static,))):

@@ -20,13 +20,6 @@ def select_subject(
     ----------
     subject:
         The part of its labels before the colon, as in ``Anna:LASI``; None: the only human.
-
-    Raises
-    ------
-    UnknownNameError
-        No label begins with it.
-    RecordingError
-        Several humans, and no subject is given.
     """
     named = dict[str, list[str]]()
     for label in recording.labels:

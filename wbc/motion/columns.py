@@ -156,11 +156,6 @@ def read_base(table: MotionTable, values: Array, where: Mapping[str, int]) -> Ar
     """Return the base (n, 7), position and quaternion xyzw, or None if the file has none.
 
     Roll, pitch and yaw are about the fixed axes x, y, z in this order (R = Rz Ry Rx).
-
-    Raises
-    ------
-    RecordingError
-        Some of the base's columns are missing, or a quaternion whose norm is off by over 1e-2.
     """
     place, quaternion, angles = (
         [name for name in names if name in where] for names in (PLACE, QUATERNION, ANGLES)

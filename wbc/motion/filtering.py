@@ -20,11 +20,6 @@ def low_pass(values: Array, rate: float, cutoff: float | None) -> Array:
     from both ends the values depend on an extrapolation: the best-fitting polynomial, which keeps
     velocity and acceleration (to 0.5% for a sine of 0.7 Hz at a cutoff of 10 Hz, but to 25% for
     2 Hz), and the residual mirrored through the last point.
-
-    Raises
-    ------
-    InvalidInputError
-        A cutoff that is not below half the rate, or whose period is longer than the series.
     """
     from scipy.signal import butter, sosfiltfilt  # only here: it takes half a second to load
 

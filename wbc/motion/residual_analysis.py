@@ -35,11 +35,6 @@ def resolve_cutoff(cutoff: float | str | None, rows: Array, rate: float) -> floa
         where not recorded.
     rate:
         Of the rows [Hz].
-
-    Raises
-    ------
-    InvalidInputError
-        Another word than ``residual``, or a recording too short for the analysis.
     """
     if not isinstance(cutoff, str):
         return cutoff

@@ -177,13 +177,7 @@ def even_grid(time: Array) -> tuple[Array, float]:
 
 
 def sample_times(time: Array, rate: float) -> Array:
-    """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on.
-
-    Raises
-    ------
-    InvalidInputError
-        A rate that gives fewer than two frames, or more than can be handled.
-    """
+    """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on."""
     seconds = float(time[-1] - time[0])
     if seconds * rate < 1.0 - 1e-9:
         raise InvalidInputError(

@@ -92,13 +92,7 @@ class MotionTable:
 
 
 def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
-    """Return rows of numbers as an array (n, k); they may be NaN or infinite.
-
-    Raises
-    ------
-    RecordingError
-        No rows, or a number so large that products of a few would overflow.
-    """
+    """Return rows of numbers as an array (n, k); they may be NaN or infinite."""
     if not rows:
         raise RecordingError("it holds no rows of numbers", source)
     values = np.array(rows)
@@ -261,13 +255,7 @@ def _is_number(text: str) -> bool:
 def cell_numbers(
     cells: Sequence[str], source: str, row: int, line: int, columns: Sequence[str] = ()
 ) -> list[float]:
-    """Return the numbers of a row's cells, NaN where one is empty.
-
-    Raises
-    ------
-    RecordingError
-        A cell that is not a number.
-    """
+    """Return the numbers of a row's cells, NaN where one is empty."""
     try:
         if "_" not in "".join(cells):  # which Python allows between digits
             return [float(cell) if cell.strip() else np.nan for cell in cells]

@@ -182,13 +182,7 @@ def hand_support(spec: ProblemSpec, parts: Parts, controller: Controller) -> Han
 
 
 def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
-    """Refuse obstacles that the robot touches at the start.
-
-    Raises
-    ------
-    InvalidInputError
-        The message names body, obstacle and depth.
-    """
+    """Refuse obstacles that the robot touches at the start."""
     if not isinstance(constraint, Obstacles):
         return
     distances = constraint.distances(start)

@@ -95,13 +95,7 @@ class Mistakes:
 
 
 def read_section(section: type[SectionT], source: Source) -> SectionT:
-    """Return the data of a source as a section.
-
-    Raises
-    ------
-    ProblemFileError
-        With every complaint, one per line, in the order of the file.
-    """
+    """Return the data of a source as a section."""
     keys: dict[int, KnownKeys] = {}
     try:
         return section.model_validate(source.data, context=keys)

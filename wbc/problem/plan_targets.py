@@ -121,11 +121,6 @@ def refuse_course(target: object, before: object) -> None:
     ----------
     target, before:
         In the phase, and until then.
-
-    Raises
-    ------
-    Misplaced
-        It would.
     """
     if isinstance(target, LoopTarget):
         raise Misplaced("a loop is gone round from the start on, in a run without phases", "target")

@@ -298,13 +298,7 @@ def problem_of(source: Source, overrides: Mapping[str, Any]) -> Problem | Pendul
 
 
 def refuse_other_files(source: Source) -> None:
-    """Raise if the file is a result that wbc wrote, or for another command, not a problem.
-
-    Raises
-    ------
-    ProblemFileError
-        With the command that reads it.
-    """
+    """Raise if the file is a result that wbc wrote, or for another command, not a problem."""
     for key, what, command in (
         ("problems", "a campaign of problems", "batch"),
         ("motion", "a human's motion for a robot", "retarget"),

@@ -100,13 +100,7 @@ def replay_run(
 
 
 def read_result(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the summary in a result's file, and its arrays; a ``.json`` has none.
-
-    Raises
-    ------
-    InvalidInputError
-        Not a result, or damaged.
-    """
+    """Return the summary in a result's file, and its arrays; a ``.json`` has none."""
     if path.suffix.lower() == ".npz":
         arrays = read_arrays(path, list, lambda _: "Ubfiu", LARGEST)
         text = str(arrays.pop("summary", ""))

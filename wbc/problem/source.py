@@ -34,11 +34,6 @@ def parse_path(text: str) -> KeyPath:
     """Return the key path that ``text`` spells, such as ``tasks.com.target[0]``.
 
     A key with a dot in it is put in quotes: ``robot.locked."waist.yaw"``.
-
-    Raises
-    ------
-    ProblemFileError
-        Empty, or not of that form.
     """
     steps: list[str | int] = []
     at = 0

@@ -160,13 +160,7 @@ def contacts_of(
 
 
 def check_support_given(spec: Support | None, robot: Robot) -> None:
-    """Refuse a missing support of a robot with feet.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what to write.
-    """
+    """Refuse a missing support of a robot with feet."""
     if spec is None and robot.feet:
         words = "left, right, double" if {"left", "right"} <= robot.feet.keys() else "all"
         feet = ", ".join(robot.feet)
@@ -179,13 +173,7 @@ def check_support_given(spec: Support | None, robot: Robot) -> None:
 def check_feet_on_ground(
     spec: Support | None, snapshot: Snapshot, slope: Sequence[float] = (0.0, 0.0)
 ) -> None:
-    """Refuse a support mode whose feet are not on one plane, of the given rise over run (2,).
-
-    Raises
-    ------
-    InvalidInputError
-        The message names the foot, how far off it is, and what to write.
-    """
+    """Refuse a support mode whose feet are not on one plane, of the given rise over run (2,)."""
     if not isinstance(spec, str) or spec == "floating":
         return
     feet = feet_of(snapshot.robot, spec)

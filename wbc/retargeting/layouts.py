@@ -33,15 +33,7 @@ ENDINGS = {"wbc": ".npz", "tracking": ".npz", "unitree": ".csv"}
 
 
 def check_layout(path: str | Path, layout: str) -> None:
-    """Refuse a layout that does not exist, and a file with another extension.
-
-    Raises
-    ------
-    UnknownNameError
-        No such layout.
-    InvalidInputError
-        Another extension.
-    """
+    """Refuse a layout that does not exist, and a file with another extension."""
     if layout not in ENDINGS:
         raise UnknownNameError("layout of a motion", layout, ENDINGS)
     if Path(path).suffix.lower() != ENDINGS[layout]:

@@ -146,11 +146,6 @@ def motion_scale(
     ----------
     duration:
         ``froude``: times scale with the square root of lengths; ``kept``: they stay; or a factor.
-
-    Raises
-    ------
-    InvalidInputError
-        Another word, or a factor that is not positive.
     """
     body = human.motion.robot
     upright = body.snapshot(body.postures["neutral"])

@@ -63,15 +63,6 @@ def export_c(
     The file needs nothing but a C compiler. Mass and gravity are written into it as numbers; each
     function is called as CasADi documents: ``int name(const double** arg, double** res, ...)``.
     ``names`` are keys of ``model.functions``; all, unless given.
-
-    Raises
-    ------
-    UnknownNameError
-        No Function of that name.
-    InvalidInputError
-        No such directory.
-    OSError
-        A file cannot be written.
     """
     directory = Path(directory)
     if not directory.is_dir():

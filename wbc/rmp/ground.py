@@ -104,11 +104,6 @@ def leg_of(com: Array, cop: Array) -> tuple[Array, Array, Array]:
     angles:
         (theta, phi) (..., 2) [rad], n = (cos theta cos phi, sin phi, sin theta cos phi): phi in
         [-pi/2, pi/2], theta negative below the horizon; NaN where the leg lies along y.
-
-    Raises
-    ------
-    InvalidInputError
-        The CoM is at the CoP.
     """
     leg = com - cop
     length = np.linalg.norm(leg, axis=-1)
@@ -129,11 +124,6 @@ def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array
     """Return the sum of contact wrenches: force (3,) [N] and moment (3,) [N m] about a point (3,).
 
     Each is a pair (position (3,), wrench (6,)): force and moment about that position, world axes.
-
-    Raises
-    ------
-    InvalidInputError
-        Something that is not such a pair of finite numbers; the message says which.
     """
     force, moment = np.zeros(3), np.zeros(3)
     if not isinstance(wrenches, Iterable):

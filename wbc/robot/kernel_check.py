@@ -25,13 +25,7 @@ LEAST_SCALE = 1e-4
 
 
 def checked_tree(name: str, model: pin.Model) -> NativeTree:
-    """Return the tree of a robot as the core reads it.
-
-    Raises
-    ------
-    ModelError
-        The core disagrees with Pinocchio.
-    """
+    """Return the tree of a robot as the core reads it."""
     if not is_depth_first(model):
         raise ModelError(
             f"robot {name!r}: its joints do not come branch by branch, each with one entry of v in"

@@ -441,13 +441,7 @@ def check_robot(what: str, robot: object) -> None:
 
 
 def check_sizes(what: object, robot: Robot, snapshot: Snapshot) -> None:
-    """Refuse what is no snapshot, or one of a robot with other joints: the core reads by its sizes.
-
-    Raises
-    ------
-    InvalidInputError
-        The message names the other robot.
-    """
+    """Refuse what is no snapshot, or one of a robot with other joints: the core reads by size."""
     check_snapshot(what, snapshot)
     other = snapshot.robot
     if other is not robot and (other.nq, other.nv) != (robot.nq, robot.nv):

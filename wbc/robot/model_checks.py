@@ -225,13 +225,7 @@ def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason:
 
 
 def check_joint_inertia(model: pin.Model, path: Path) -> None:
-    """Refuse a joint without inertia about its axis, as of a point mass on it, and no rotor's.
-
-    Raises
-    ------
-    ModelError
-        The message names joint and link.
-    """
+    """Refuse a joint without inertia about its axis, as of a point mass on it, and no rotor's."""
     felt = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))  # with the armature
     least = 1e-12  # kg m^2, far below any real part
     bare = [joint for joint in range(2, model.njoints) if felt[model.idx_vs[joint]] < least]

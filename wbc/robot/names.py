@@ -32,13 +32,7 @@ def matches(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
 
 
 def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[int, ...]:
-    """Return the entries of ``names`` that a name or pattern matches.
-
-    Raises
-    ------
-    UnknownNameError
-        No name matches; ``kind`` is named in the message.
-    """
+    """Return the entries of ``names`` that a name or pattern matches."""
     found = matches(pattern, names) if isinstance(pattern, str) else ()
     if not found:
         raise UnknownNameError(kind, pattern, names)
@@ -46,13 +40,7 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
 
 
 def looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
-    """Return the index of a name.
-
-    Raises
-    ------
-    UnknownNameError
-        No such name; ``kind`` is named in the message.
-    """
+    """Return the index of a name."""
     if not isinstance(name, str) or name not in indices:
         raise UnknownNameError(kind, name, indices)
     return indices[name]

@@ -148,11 +148,6 @@ def close_postures(
 
     ``standing`` is closed starting from itself, or from the file's initial joints. Without loops,
     its drivers move where mimic joints cannot follow; other postures do not change.
-
-    Raises
-    ------
-    ModelError
-        ``standing`` cannot be closed.
     """
     open_ones = []
     for name, q in postures.items():

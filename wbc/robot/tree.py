@@ -353,13 +353,7 @@ def _normalise(part: Array, what: str) -> None:
 
 
 def refuse_loops(what: str, robot: KinematicTree) -> None:
-    """Refuse a robot with closed loops, or with gears that are no plain ratios.
-
-    Raises
-    ------
-    InvalidInputError
-        The message names ``what`` does not know them, and them.
-    """
+    """Refuse a robot with closed loops, or with gears that are no plain ratios."""
     curved = [f"gear of {name}" for name, one in robot.couplings.items() if not one.is_linear]
     known = [f"loop {name}" for name in robot.loops] + curved
     if known:

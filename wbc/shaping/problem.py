@@ -76,11 +76,6 @@ def check_parts(
     Returns
     -------
     The constraints.
-
-    Raises
-    ------
-    InvalidInputError
-        One of these, or a constraint without a margin to measure; the message names the part.
     """
     what = "global shaping"
     check_robot(what, robot)

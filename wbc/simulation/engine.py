@@ -45,11 +45,6 @@ def check_state(
     ----------
     coordinates, velocities:
         Joint of each entry of ``qpos`` and ``qvel``.
-
-    Raises
-    ------
-    SimulationError
-        A state that is not finite or huge, or buffers too small for contacts or constraints.
     """
     if data.warning.number.any():
         _raise_warnings(mujoco, data, coordinates, velocities)

@@ -50,13 +50,7 @@ class StateMap:
     # ------------------------------------------------------------------ from the robot to MuJoCo
 
     def to_mujoco(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return ``qpos`` and ``qvel`` of a state (nq,), (nv,).
-
-        Raises
-        ------
-        InvalidInputError
-            A fixed base that moves.
-        """
+        """Return ``qpos`` and ``qvel`` of a state (nq,), (nv,)."""
         qpos, qvel = np.empty(self.nq), np.empty(self.nv)
         if self.floating:
             qpos[:3], qpos[3:7] = q[:3], q[3:7][WXYZ]

@@ -14,13 +14,7 @@ from wbc.validate import Array, by_name, finite_number, finite_vector, read_only
 
 
 def checked_weight(task: str, weight: Any, size: int) -> Array:
-    """Return factors (size,) on a task's rows, of one for all or one each.
-
-    Raises
-    ------
-    InvalidInputError
-        Not numbers, not as many, or negative.
-    """
+    """Return factors (size,) on a task's rows, of one for all or one each."""
     what = f"{task}, weight"
     one = not isinstance(weight, Iterable) or getattr(weight, "ndim", 1) == 0
     vector = finite_vector(what, [weight] * size if one else weight, size)

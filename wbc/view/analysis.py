@@ -95,13 +95,7 @@ def check_snapshots(snapshots: Snapshots) -> None:
 
 
 def snapshot_frames(time: Array, snapshots: Snapshots) -> list[int]:
-    """Return the frames to draw: evenly spread over all, or those nearest to the times given.
-
-    Raises
-    ------
-    InvalidInputError
-        Not 1 to 10, or a time outside the motion.
-    """
+    """Return the frames to draw: evenly spread over all, or those nearest to the times given."""
     check_snapshots(snapshots)
     if isinstance(snapshots, int):
         frames = np.linspace(0, len(time) - 1, snapshots).round().astype(int)

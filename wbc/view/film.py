@@ -62,13 +62,7 @@ class RowDrawer(Protocol):
 
 
 def film_format(path: str | Path) -> str:
-    """Return the ending of a film's file.
-
-    Raises
-    ------
-    InvalidInputError
-        Neither ``.gif`` nor ``.mp4``, or ``.mp4`` without ffmpeg.
-    """
+    """Return the ending of a film's file."""
     wanted = "a film is written as .gif or .mp4; a picture by wbc run PROBLEM.yaml --plot run.png"
     ending = ending_of(path, FORMATS, wanted)
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
@@ -135,13 +129,7 @@ def film_run(
 
 
 def even_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return a size in pixels made even, as films need it.
-
-    Raises
-    ------
-    InvalidInputError
-        Not two numbers, too small for a picture or too large for Matplotlib.
-    """
+    """Return a size in pixels made even, as films need it."""
     width, height = finite_vector("film, size", size, 2).tolist()
     if not LEAST <= min(width, height) <= max(width, height) <= LARGEST:
         raise InvalidInputError(

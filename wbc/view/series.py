@@ -52,13 +52,7 @@ def error_series(errors: Mapping[str, ArrayLike], count: int) -> list[Series]:
 
 
 def rows_of(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return what a history has at each time, of a shape; NaN where there is nothing.
-
-    Raises
-    ------
-    InvalidInputError
-        No numbers, or not for each time.
-    """
+    """Return what a history has at each time, of a shape; NaN where there is nothing."""
     try:
         return np.asarray(values, dtype=np.float64).reshape(shape)
     except (TypeError, ValueError) as error:

@@ -94,13 +94,7 @@ FORMATS: Mapping[str, Mapping[str, None]] = {
 
 
 def picture_file(path: str | Path) -> Path:
-    """Return a path that a picture can be written to.
-
-    Raises
-    ------
-    InvalidInputError
-        Unknown suffix, or no such folder.
-    """
+    """Return a path that a picture can be written to."""
     ending_of(path, FORMATS, f"a picture is written as {', '.join(FORMATS)}")
     path = Path(path)
     if not path.parent.is_dir():

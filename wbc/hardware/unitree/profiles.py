@@ -97,13 +97,7 @@ class Profile:
 
 
 def by_pattern(robot: Robot, table: Mapping[str, float]) -> Array:
-    """Return a value for each joint (nv-6,): that of the last pattern that matches its name.
-
-    Raises
-    ------
-    InvalidInputError
-        A joint that no pattern matches.
-    """
+    """Return a value for each joint (nv-6,): that of the last pattern that matches its name."""
     values = np.full(len(robot.joint_names), np.nan)
     for pattern, value in table.items():
         values[[fnmatchcase(name, pattern) for name in robot.joint_names]] = value

@@ -12,13 +12,7 @@ from wbc.validate import Array, check_fields
 
 @dataclass(frozen=True)
 class CaptureGains:
-    """How hard the capture point is driven, and how the rest follows.
-
-    Raises
-    ------
-    InvalidInputError
-        A gain that is not positive; a reserve that is not between 0 and 1.
-    """
+    """How hard the capture point is driven, and how the rest follows."""
 
     capture: float = 2.5  # k of cmp = xi + k (xi - xi_ref) while the CoP alone can do it
     # How far the CMP is asked beyond the support, for each metre that xi is: the wheel's share.

@@ -92,13 +92,7 @@ class LawBounds:
 
 
 def check_law(law: BalanceLaw, bounds: LawBounds, *kinds: type) -> None:
-    """Refuse a law's model that is of none of these kinds, and bounds that are none.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what is expected.
-    """
+    """Refuse a law's model that is of none of these kinds, and bounds that are none."""
     if not isinstance(law.model, kinds):
         names = " or ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"model: this law needs a {names}, got {shown(law.model)}")
@@ -106,13 +100,7 @@ def check_law(law: BalanceLaw, bounds: LawBounds, *kinds: type) -> None:
 
 
 def refuse_torsion(bounds: LawBounds, law: object) -> None:
-    """Raise an error if ``torsion`` is set, for laws that do not support it.
-
-    Raises
-    ------
-    InvalidInputError
-        It is asked for.
-    """
+    """Raise an error if ``torsion`` is set, for laws that do not support it."""
     if bounds.torsion:
         raise InvalidInputError(
             f"bounds: {type(law).__name__} cannot keep torsion within what friction holds; leave it"

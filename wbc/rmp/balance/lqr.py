@@ -154,11 +154,6 @@ def riccati_gain(A: Array, B: Array, errors: Array, efforts: Array) -> tuple[Arr
     ----------
     errors, efforts:
         Largest states and inputs wanted, > 0: Q = diag(1 / errors^2), R = diag(1 / efforts^2).
-
-    Raises
-    ------
-    InvalidInputError
-        A number that is not positive, or a mode that does not decay and no input reaches.
     """
     if errors.min() <= 0.0 or efforts.min() <= 0.0:
         raise InvalidInputError("lqr: errors and efforts must be positive")

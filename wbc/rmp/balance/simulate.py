@@ -268,13 +268,7 @@ def _checked_step(model: Pendulum, dt: float) -> ca.Function:
 
 
 def whole_steps(duration: float, dt: float) -> int:
-    """Return how many steps of ``dt`` a simulation of that duration takes.
-
-    Raises
-    ------
-    InvalidInputError
-        Not positive, not one step, or more of them than a record can hold.
-    """
+    """Return how many steps of ``dt`` a simulation of that duration takes."""
     dt = finite_number("dt", dt, above=0.0)
     steps = finite_number("duration", duration, above=0.0) / dt
     if round(min(steps, MOST_STEPS)) < 1:
@@ -289,13 +283,7 @@ def whole_steps(duration: float, dt: float) -> int:
 def impulses_by_step(
     pushes: Iterable[Blow], model: Pendulum, dt: float, steps: int
 ) -> dict[int, Array]:
-    """Return the impulses (2,) or (3,) by the number of the step that they act before.
-
-    Raises
-    ------
-    InvalidInputError
-        A push after the end, or of the other kind of pendulum.
-    """
+    """Return the impulses (2,) or (3,) by the number of the step that they act before."""
     jumps: dict[int, Array] = {}
     if isinstance(pushes, Blow) or not isinstance(pushes, Iterable):
         raise InvalidInputError(f"pushes: expected a list of them, got {shown(pushes)}")

@@ -39,13 +39,7 @@ LEAST_HEIGHT = 1e-3
 
 @dataclass(frozen=True)
 class StabiliserGains:
-    """Speeds of the stabiliser's loops; frequencies are natural ones, critically damped.
-
-    Raises
-    ------
-    InvalidInputError
-        A gain that is not positive, or a lean that is not below 1.
-    """
+    """Speeds of the stabiliser's loops; frequencies are natural ones, critically damped."""
 
     capture: float = 4.0  # k of cmp = xi + k (xi - xi_ref): xi follows at k omega
     wheel: float = 0.8  # at which m and a return, as a part of omega; well below ``capture``

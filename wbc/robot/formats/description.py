@@ -29,25 +29,13 @@ MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cu
 
 
 def check_joint_count(count: int, path: Path) -> None:
-    """Refuse a robot with too many joints.
-
-    Raises
-    ------
-    ModelError
-        More moving joints than :data:`MOST_JOINTS`.
-    """
+    """Refuse a robot with too many joints."""
     if count > MOST_JOINTS:
         raise ModelError(f"{path}: {count} moving joints; at most {MOST_JOINTS} are supported")
 
 
 def refuse_reserved(joints: Iterable[str], path: Path) -> None:
-    """Refuse moving joints with the names that Pinocchio gives the world or the floating base.
-
-    Raises
-    ------
-    ModelError
-        The message names it.
-    """
+    """Refuse moving joints with the names that Pinocchio gives the world or the floating base."""
     if taken := sorted({*joints} & RESERVED):
         raise ModelError(
             f"{path}: a moving joint is called {taken[0]!r}, which is the name of the world or of"
@@ -77,11 +65,6 @@ def confirm(
         the root.
     joints:
         Names of the moving joints in the file.
-
-    Raises
-    ------
-    ModelError
-        Another mass, or other joints.
     """
     if lost := sorted({*joints} - {*model.names}):
         raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")

@@ -42,13 +42,7 @@ def refuse_macros(root: ET.Element, path: Path) -> None:
 
 
 def complete_root(root: ET.Element, path: Path) -> tuple[str, ...]:
-    """Write name and version as the parser accepts them; return a note of a missing name.
-
-    Raises
-    ------
-    ModelError
-        An unknown version.
-    """
+    """Write name and version as the parser accepts them; return a note of a missing name."""
     version = root.get("version", "1.0")
     if version not in VERSIONS:
         raise ModelError(f"{path}: URDF {version!r} is not known; {' to '.join(VERSIONS[::2])} are")
@@ -192,13 +186,7 @@ def _is_zero(text: str) -> bool:
 
 
 def confirm_shapes(root: ET.Element, text: str, model: pin.Model, path: Path) -> None:
-    """Compare how many shapes each link has with what the parser reads, meshes left out.
-
-    Raises
-    ------
-    ModelError
-        Some were lost.
-    """
+    """Compare how many shapes each link has with what the parser reads, meshes left out."""
     plain = ET.fromstring(text)
     for tag in SHAPES.values():
         for shape in plain.iter(tag):

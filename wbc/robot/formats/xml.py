@@ -153,13 +153,7 @@ def numbers(
 
 
 def refuse_non_finite(element: ET.Element, path: Path, nearest: str = "the root element") -> None:
-    """Refuse NaN and infinity in any attribute that may hold numbers, in all below ``element``.
-
-    Raises
-    ------
-    ModelError
-        Naming the element, the attribute and the nearest named element around it.
-    """
+    """Refuse NaN and infinity in any attribute that may hold numbers, in all below ``element``."""
     name = element.get("name")
     if name is not None:
         nearest = f"{element.tag} {name!r}"

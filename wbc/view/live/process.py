@@ -50,13 +50,7 @@ class Failed(NamedTuple):
 
 
 def page_address(host: str, port: int | None) -> PageAddress:
-    """Return an address for a page; with port None the first free one from the default on.
-
-    Raises
-    ------
-    InvalidInputError
-        The port is in use or not allowed, or there is no such host.
-    """
+    """Return an address for a page; with port None the first free one from the default on."""
     if port is not None:
         reason = _port_error(host, port)
         if reason:
@@ -92,11 +86,6 @@ class PageProcess:
     ----------
     port:
         Where it is served.
-
-    Raises
-    ------
-    WbcError
-        The page did not start; the message says why.
     """
 
     def __init__(self, place: PageAddress, setup: object) -> None:
