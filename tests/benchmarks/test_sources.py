@@ -1,5 +1,6 @@
-"""What was measured with other code is not gone on with."""
+"""Studies run as scripts, and do not go on with what was measured with other code."""
 
+import ast
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from sources import code_of
 
 from wbc.errors import InvalidInputError
 from wbc.journal import Journal
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+AS_MODULES = {"mutation.py", "mutation_trials.py"}  # python -m benchmarks.mutation
 
 
 def test_the_code_is_every_source_by_name_and_content(tmp_path: Path) -> None:
@@ -34,3 +38,10 @@ def test_a_journal_of_walks_is_refused(tmp_path: Path) -> None:
     Journal(path, walking.MADE_OF).__exit__(None, None, None)
     with pytest.raises(InvalidInputError, match=r"\(code differs\)"):
         Journal(path, {**walking.MADE_OF, "code": "of before"})
+
+
+def test_scripts_import_their_neighbours_by_their_own_names() -> None:
+    for path in FOLDER.glob("*.py"):
+        nodes = [] if path.name in AS_MODULES else ast.walk(ast.parse(path.read_text()))
+        found = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+        assert not [name for name in found if name.partition(".")[0] == "benchmarks"], path.name

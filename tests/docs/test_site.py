@@ -1,4 +1,4 @@
-"""The documentation's site, built: it opens as files, and takes nothing from elsewhere."""
+"""The documentation's site, built: it has every public name, and takes nothing from elsewhere."""
 
 import os
 import re
@@ -9,12 +9,16 @@ from urllib.parse import unquote
 
 import pytest
 
+import wbc
 from tests.needs import BROWSER, SOFTWARE
 
 SITE = Path(__file__).parents[2] / "docs" / "site" / "mkdocs.yml"
 QUIET = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
 LOADED = re.compile(r'<(?:script|link|img)\b[^>]*?\b(?:src|href)="?([^"\s>]+)')
 LINKED = re.compile(r'<a\b[^>]*?\bhref="?([^"\s>]+)')
+FOLDER = Path(__file__).parents[2] / "docs" / "reference"
+# Rooms, and what is on the page of errors as a whole.
+ELSEWHERE = {"__version__", "WbcError", "gait", "simulation", "view"}
 
 
 @pytest.mark.slow
@@ -56,3 +60,11 @@ def search_in_a_browser(site: Path) -> None:
         address = found.get_attribute("href")
         browser.close()
     assert address is not None and address.startswith("file:") and ".html" in address
+
+
+def test_every_public_name_is_there() -> None:
+    pages = "".join(path.read_text(encoding="utf-8") for path in FOLDER.glob("*.md"))
+    shown = re.findall(r"^::: ([\w.]+)$", pages, flags=re.MULTILINE)
+    assert len(shown) == len(set(shown))
+    missing = set(wbc.__all__) - ELSEWHERE - {name.rpartition(".")[2] for name in shown}
+    assert not missing, f"add '::: wbc.NAME' to a page of docs/reference for {sorted(missing)}"

@@ -1,4 +1,4 @@
-"""The test set for qpbenchmark: its columns, and problems with the same optimum."""
+"""The test set for qpbenchmark, and sections of a page that are replaced in place."""
 
 import ast
 from dataclasses import replace
@@ -9,6 +9,7 @@ import pytest
 import qpsolvers
 from pyarrow import parquet
 from qpbench.export import NAME, export_qpbenchmark
+from qpbench.page import has_section, put_section, with_section
 
 from tests.benchmarks.qpbench.test_measure import solvable
 from wbc.errors import MissingPackageError
@@ -16,6 +17,7 @@ from wbc.qp.active_set import ActiveSet
 
 # qpbenchmark.problem_list.ProblemList.KEYS, 2.7
 KEYS = ["P", "q", "G", "h", "A", "b", "lb", "ub", "name"]
+PAGE = "# Results\n\n<!-- ticks -->\n\nold\n\n<!-- /ticks -->\n\n## Campaigns\n\nby hand\n"
 
 
 def test_problems_have_the_same_optimum_in_its_form(tmp_path: Path) -> None:
@@ -56,3 +58,25 @@ def test_pyarrow_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
     with pytest.raises(MissingPackageError, match=r"pip install 'wbc\[batch\]'"):
         export_qpbenchmark(tmp_path, [solvable()])
+
+
+def test_a_section_is_replaced_in_place_twice_the_same() -> None:
+    once = with_section(PAGE, "ticks", "new\n")
+    assert once == PAGE.replace("old", "new")
+    assert with_section(once, "ticks", "new") == once
+
+
+def test_a_section_that_is_not_there_comes_last() -> None:
+    assert not has_section(PAGE, "solvers")
+    page = with_section(PAGE, "solvers", "table")
+    assert page == f"{PAGE}\n<!-- solvers -->\n\ntable\n\n<!-- /solvers -->\n"
+    assert has_section(page, "solvers") and with_section(page, "ticks", "old") == page
+    # An end without a beginning before it is no place.
+    assert not has_section("<!-- /a --> <!-- a -->", "a")
+
+
+def test_a_page_that_is_not_there_is_begun(tmp_path: Path) -> None:
+    path = tmp_path / "new.md"
+    put_section(path, "ticks", "one")
+    put_section(path, "ticks", "two")
+    assert path.read_text() == "<!-- ticks -->\n\ntwo\n\n<!-- /ticks -->\n"

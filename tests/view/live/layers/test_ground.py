@@ -1,16 +1,17 @@
-"""The ground of the page, and marks on it, against the terrain they are on."""
+"""The ground of the page, and marks on it, against the terrain they are on; rotations of layers."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import wbc
 from tests.view.live.conftest import Stage, balanced, rotation_of
 from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.live.layers.layer import ORANGE, WORLD
+from wbc.view.live.layers.layer import ORANGE, WORLD, wxyz
 from wbc.view.live.messages import Frame
 
 BOARD = Step(centre=(1.0, 0.0, 0.15), size=(0.6, 0.8, 0.02))
@@ -71,3 +72,11 @@ def test_feet_stand_on_slopes_and_boards_without_a_controller(hill, robot, start
         assert mark.visible == stands
         if q is level:
             assert mark.position[2] == pytest.approx(0.15, abs=2e-3)
+
+
+def test_quaternions_are_scipys_up_to_their_sign() -> None:
+    for turn in Rotation.random(50, rng=np.random.default_rng(0)):
+        x, y, z, w = turn.as_quat()
+        assert abs(wxyz(turn.as_matrix()) @ [w, x, y, z]) > 1.0 - 1e-12
+    half = Rotation.from_rotvec([np.pi, 0.0, 0.0])  # the scalar vanishes
+    np.testing.assert_allclose(np.abs(wxyz(half.as_matrix())), [0.0, 1.0, 0.0, 0.0], atol=1e-12)
