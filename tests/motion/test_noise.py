@@ -7,9 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, Noise, analyze
-from wbc.motion.filtered_noise import noise_covariances
 from wbc.motion.filtering import low_pass
-from wbc.motion.noise import estimate_noise
+from wbc.motion.noise import estimate_noise, noise_covariances
 from wbc.motion.residual_analysis import resolve_cutoff
 from wbc.robot import Robot
 

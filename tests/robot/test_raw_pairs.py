@@ -10,7 +10,7 @@ from wbc.constraints import SelfCollision
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, robot_bodies
 from wbc.robot.collision.bodies import named_shapes
-from wbc.robot.collision.raw_pairs import RawPairs
+from wbc.robot.collision.distances import RawPairs
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ from wbc.simulation import (
     Sensors,
     simulate,
 )
-from wbc.simulation.estimate_errors import EstimateErrors
+from wbc.simulation.sensed_plant import EstimateErrors
 from wbc.simulation.sensors_reading import Sensing
 
 TURNED = exp_rotation(np.array((0.3, -0.5, 1.2)))

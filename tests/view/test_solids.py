@@ -8,8 +8,7 @@ from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import Mesh, ellipsoid
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.simplify import limit_triangles, simplified
-from wbc.view.solids import board_surfaces
+from wbc.view.solids import board_surfaces, limit_triangles, simplified
 
 STEP = Step(centre=(1.0, 0.5, 0.3), size=(0.2, 0.4, 0.1), yaw=0.3)
 TERRAIN = Terrain(steps=(STEP, Step(centre=(9.0, 0.0, 0.02), size=(0.6, 2.0, 0.02))))

@@ -18,7 +18,7 @@ from wbc.problem.pendulum.result import PendulumResult, PendulumStatus, unit_of
 from wbc.robot.names import COM
 from wbc.run.shaping_report import ShapingReport
 from wbc.simulation import SimulationStatus
-from wbc.tracking.unbalanced import Unbalanced
+from wbc.tracking.deviation import Unbalanced
 
 SHOWN = 5
 SHOWN_PAIRS = 6  # that self-collision does not watch

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
     from wbc.problem.pendulum.result import PendulumResult
-    from wbc.run.callbacks import Show as ShowTick
+    from wbc.run.simulate import Show as ShowTick
     from wbc.simulation import SimulationResult
     from wbc.view.live.run_viewer import RunViewer
     from wbc.view.options import View

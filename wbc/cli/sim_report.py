@@ -25,8 +25,7 @@ from wbc.cli.printing import (
 from wbc.errors import listed
 from wbc.robot.series import revolute_joints
 from wbc.simulation import SimulationResult
-from wbc.simulation.push import Push
-from wbc.simulation.wrench import AppliedWrench
+from wbc.simulation.push import AppliedWrench, Push
 from wbc.tracking.deviation import PlanTracking
 from wbc.tracking.reference import PlanReference
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.motion.filtered_noise import FilteredNoise
+from wbc.motion.noise import FilteredNoise
 from wbc.motion.smoothing import SmoothMotion
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ

@@ -18,9 +18,14 @@ from scipy.interpolate import make_interp_spline
 
 from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import check_count, unwrap
-from wbc.motion.filtered_noise import FilteredNoise, noise_covariances
 from wbc.motion.filtering import low_pass
-from wbc.motion.noise import CorrelatedNoise, Noise, estimate_noise
+from wbc.motion.noise import (
+    CorrelatedNoise,
+    FilteredNoise,
+    Noise,
+    estimate_noise,
+    noise_covariances,
+)
 from wbc.motion.planted_base import planted_base
 from wbc.motion.recording import Motion
 from wbc.motion.residual_analysis import resolve_cutoff

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from wbc.motion.filtered_noise import FilteredNoise
 from wbc.motion.ground import SupportMargin
+from wbc.motion.noise import FilteredNoise
 from wbc.motion.sensitivity import COM, INERTIA, MOMENTUM, RATE, SOLES, covariances
 from wbc.motion.series import RmpSeries, Uncertainty
 from wbc.motion.smoothing import SmoothMotion

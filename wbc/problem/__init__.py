@@ -3,9 +3,9 @@
 from wbc.problem.json_schema import json_schema
 from wbc.problem.overrides import parse_override
 from wbc.problem.problem import Problem, load_problem
-from wbc.run.callbacks import Progress
 from wbc.run.history import History
 from wbc.run.result import Result
+from wbc.run.simulate import Progress
 from wbc.run.stopping import RunStatus
 
 __all__ = [

@@ -23,11 +23,10 @@ from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
 from wbc.problem.yaml_reader import read_source
-from wbc.run.callbacks import Cancelled, Observe, Progress, Show
 from wbc.run.phase_support import SOLE_FLATNESS, held_feet
 from wbc.run.phases import Loads, PhaseExecutor
 from wbc.run.result import Result
-from wbc.run.simulate import simulate
+from wbc.run.simulate import Cancelled, Observe, Progress, Show, simulate
 from wbc.run.stopping import Stop
 from wbc.run.supervisor import Supervisor
 from wbc.simulation import FallLimits, Plant, SimulationResult, run_trial

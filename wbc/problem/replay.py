@@ -17,7 +17,7 @@ from wbc.problem.problem import Problem, problem_of
 from wbc.problem.saved import FORMATS, LARGEST
 from wbc.problem.saved_parts import read_summary
 from wbc.problem.yaml_reader import parse
-from wbc.run.callbacks import Cancelled, Progress
+from wbc.run.simulate import Cancelled, Progress
 
 # Entries of a result that differ from run to run: timings, and the number of workers.
 TIMINGS = ("tick_time", "tick_cpu_time", "seconds", "build_seconds", "search_seconds", "workers")

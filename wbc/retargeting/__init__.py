@@ -5,7 +5,7 @@ from wbc.retargeting.pipeline import retarget
 from wbc.retargeting.result import Reached, Retargeted
 from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.tasks import RetargetWeights
-from wbc.tracking.unbalanced import Unbalanced
+from wbc.tracking.deviation import Unbalanced
 
 __all__ = [
     "BodyMap",

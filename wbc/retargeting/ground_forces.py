@@ -15,7 +15,7 @@ from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, state_series
-from wbc.tracking.unbalanced import Unbalanced
+from wbc.tracking.deviation import Unbalanced
 from wbc.validate import Array
 
 # Horizontal directions of the edges of a pyramid inside the friction cone.

@@ -20,8 +20,8 @@ from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import centroidal_series, rates
 from wbc.rotations import same_sign
 from wbc.spatial import COLUMNS, ROWS
+from wbc.tracking.deviation import Unbalanced
 from wbc.tracking.reference import PlanTarget, cop_on_ground, interpolated
-from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array, finite_number, read_only
 
 STEP = 1e-3  # s between samples

@@ -13,7 +13,7 @@ from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, sole_series
-from wbc.tracking.unbalanced import Unbalanced
+from wbc.tracking.deviation import Unbalanced
 from wbc.validate import Array, Bools
 
 CONTACT_HEIGHT = 1e-3  # m: higher corners do not touch the ground

@@ -16,7 +16,7 @@ from wbc.rmp.axes import are_distinct, track
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, sole_series, state_series
-from wbc.tracking.unbalanced import Unbalanced
+from wbc.tracking.deviation import Unbalanced
 from wbc.validate import Array
 
 MIN_CORRELATION, MAX_AXIS_ERROR = 0.95, 10.0  # 1, deg; a motion beyond is noted

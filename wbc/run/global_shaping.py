@@ -12,13 +12,21 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from wbc.controllers.closed_loop import LoopTick
-from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import HistoryRecorder
 from wbc.run.phase_support import PhaseSupport
 from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
-from wbc.run.simulate import DEFAULT_STOP, ticks_in
+from wbc.run.simulate import (
+    DEFAULT_STOP,
+    Callbacks,
+    Cancelled,
+    Observe,
+    Progress,
+    Show,
+    progress_info,
+    ticks_in,
+)
 from wbc.run.stopping import RunStatus, Stop
 from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome, Stopped
 from wbc.shaping.motion import MakeController

@@ -10,7 +10,7 @@ from wbc.simulation.falling import FallLimits, FallWatch, Verdict
 from wbc.simulation.loop import SimulationTick, simulate
 from wbc.simulation.mismatch import ModelMismatch
 from wbc.simulation.plant import Plant
-from wbc.simulation.push import Push
+from wbc.simulation.push import AppliedWrench, Push
 from wbc.simulation.push_bounds import capture_impulse
 from wbc.simulation.push_map import PushMap
 from wbc.simulation.recorder import Recorder
@@ -27,7 +27,6 @@ from wbc.simulation.sensors_devices import (
 )
 from wbc.simulation.terrain import Step, Terrain
 from wbc.simulation.trial import run_trial
-from wbc.simulation.wrench import AppliedWrench
 
 __all__ = [
     "AppliedWrench",

@@ -25,12 +25,11 @@ from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touched_by_links
 from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
-from wbc.simulation.push import Push, push_point
+from wbc.simulation.push import AppliedWrench, Push, apply, push_point, sum_by_frame
 from wbc.simulation.sensors import Measurements, Sensors, doubt_delays
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
-from wbc.simulation.wrench import AppliedWrench, apply, sum_by_frame
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _STEP_TOLERANCE = 1e-6  # of a control period's number of physics steps, from an integer

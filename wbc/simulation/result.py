@@ -22,11 +22,10 @@ from wbc.run.saving import plain, save_result
 from wbc.run.stopping import RunStatus
 from wbc.simulation.falling import Verdict
 from wbc.simulation.plant import Plant
-from wbc.simulation.push import Push
+from wbc.simulation.push import AppliedWrench, Push
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.terrain import Terrain
 from wbc.simulation.trial_record import TrialRecord
-from wbc.simulation.wrench import AppliedWrench
 from wbc.tracking.deviation import Followed, PlanTracking, evaluate_tracking
 from wbc.validate import Array
 

@@ -11,9 +11,8 @@ from wbc.controllers import Controller
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.run.callbacks import Callbacks, Cancelled, Progress, Show
 from wbc.run.conclusion import conclude
-from wbc.run.simulate import ticks_in
+from wbc.run.simulate import Callbacks, Cancelled, Progress, Show, ticks_in
 from wbc.run.stopping import Stop
 from wbc.run.supervisor import Supervisor
 from wbc.simulation.falling import FallLimits

@@ -36,7 +36,7 @@ from wbc.view.portrait import (
     write_caption,
 )
 from wbc.view.render import render
-from wbc.view.simplify import limit_triangles
+from wbc.view.solids import limit_triangles
 
 FORMATS = (".gif", ".mp4")
 DOTS, LEAST, LARGEST = 100, 150, 65_535  # pixels per inch, and along each side

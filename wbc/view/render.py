@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from wbc.validate import Array
 from wbc.view.camera import NOTHING, Camera, rasterise
-from wbc.view.ground import ground_picture
-from wbc.view.light import KEY, blurred, light_direction, shaded, unit
+from wbc.view.ground import KEY, blurred, ground_picture, light_direction, shaded, unit
 from wbc.view.scene import Scene, colours
 
 SAMPLES = 2  # per side of a pixel

@@ -25,7 +25,7 @@ from wbc.view.history import read_history
 from wbc.view.report import write_report
 from wbc.view.report.replay import MOST, replay_data, replay_rows
 from wbc.view.report.report import report_text
-from wbc.view.simplify import limit_triangles
+from wbc.view.solids import limit_triangles
 
 ODD = """# </script><b>@DATA@ & "quotes"\n""" + REACH
 

@@ -17,7 +17,7 @@ from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.source import Source
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.run.callbacks import Cancelled, Progress
+from wbc.run.simulate import Cancelled, Progress
 from wbc.tracking.pendulum import RobotPendulum, pendulum_of
 
 

@@ -22,7 +22,7 @@ from wbc.rmp.balance.simulate import Blow, impulses_by_step, simulate, whole_ste
 from wbc.rmp.ground import centroidal_moment_pivot
 from wbc.rmp.planar import PlanarRmp
 from wbc.rotations import rotations_from
-from wbc.run.callbacks import Cancelled, Progress
+from wbc.run.simulate import Cancelled, Progress
 from wbc.validate import Array
 
 # The phase of a run that ended before its first step.

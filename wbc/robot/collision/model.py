@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
-from wbc.robot.collision.distances import ShapePairs, split_rows
+from wbc.robot.collision.distances import RawPairs, ShapePairs, split_rows
 from wbc.robot.collision.native_pairs import Closing, NativePairs
-from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries

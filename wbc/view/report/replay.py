@@ -18,8 +18,7 @@ from wbc.validate import Array
 from wbc.view import palette, style
 from wbc.view.history import DrawableRun
 from wbc.view.pendulum_plots import SOLID
-from wbc.view.simplify import limit_triangles
-from wbc.view.solids import board_surfaces, solid_surface
+from wbc.view.solids import board_surfaces, limit_triangles, solid_surface
 
 TRIANGLES = 40_000  # of the robot
 FPS, MOST = 30.0, 900  # frames per second, and in all
