@@ -57,21 +57,12 @@ class FilterNoise:
 
 
 class Correction(NamedTuple):
-    """The result of a correction by a foot's place.
+    """The result of a correction by a foot's place."""
 
-    Attributes
-    ----------
-    taken:
-        Whether it was within the gate, and corrected the estimate.
-    squared:
-        Normalised innovation squared: chi-square with as many degrees of freedom as rows.
-    residual:
-        (6,) innovation: position [m] and rotation [rad], world axes.
-    """
-
-    taken: bool
+    taken: bool  # whether it was within the gate, and corrected the estimate
+    # normalised innovation squared: chi-square with as many degrees of freedom as rows
     squared: float
-    residual: Array
+    residual: Array  # (6,) innovation: position [m] and rotation [rad], world axes
 
 
 class ContactFilter:

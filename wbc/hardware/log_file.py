@@ -29,31 +29,14 @@ TEXTS = ("events", "about", "made_of")
 
 @dataclass(frozen=True, eq=False)
 class HardwareLog:
-    """A log that :class:`~wbc.hardware.loop.HardwareLoop` wrote.
+    """A log that :class:`~wbc.hardware.loop.HardwareLoop` wrote."""
 
-    Attributes
-    ----------
-    path:
-        Its file.
-    arrays:
-        A row for each cycle, oldest first, by the names of
-        :func:`~wbc.hardware.log_row.log_fields`.
-    events:
-        Changes of mode and first faults, in words.
-    about:
-        Why it was written.
-    made_of:
-        Problem, profile, estimator and versions, as plain data.
-    problem:
-        The problem that ran.
-    """
-
-    path: Path
-    arrays: Mapping[str, Array]
-    events: tuple[str, ...]
-    about: str
-    made_of: Mapping[str, Any]
-    problem: Problem
+    path: Path  # its file
+    arrays: Mapping[str, Array]  # a row for each cycle, oldest first, by the names of log_fields
+    events: tuple[str, ...]  # changes of mode and first faults, in words
+    about: str  # why it was written
+    made_of: Mapping[str, Any]  # problem, profile, estimator and versions, as plain data
+    problem: Problem  # the problem that ran
 
     @classmethod
     def load(cls, path: str | Path) -> HardwareLog:

@@ -21,19 +21,12 @@ REPLAYABLE = "sensors"  # the estimator whose input is in a log
 
 
 class LogReplay(NamedTuple):
-    """The replay of a log.
+    """The replay of a log."""
 
-    Attributes
-    ----------
-    asked, compared:
-        Numbers of requests to the controller, and of compared answers.
-    differences:
-        In words; empty if there are none.
-    """
-
+    # numbers of requests to the controller, and of compared answers
     asked: int
     compared: int
-    differences: tuple[str, ...]
+    differences: tuple[str, ...]  # in words; empty if there are none
 
     @property
     def same(self) -> bool:

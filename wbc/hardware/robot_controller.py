@@ -32,18 +32,11 @@ class EstimateError(WbcError):
 
 
 class StateUncertainty(NamedTuple):
-    """Uncertainty of the base's state.
+    """Uncertainty of the base's state."""
 
-    Attributes
-    ----------
-    deviations:
-        Standard deviations (4,) of tilt and heading [rad], velocity [m/s] and position [m].
-    feet:
-        The contacts that the estimate uses.
-    """
-
+    # standard deviations (4,) of tilt and heading [rad], velocity [m/s] and position [m]
     deviations: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    feet: tuple[str, ...] = ()
+    feet: tuple[str, ...] = ()  # the contacts that the estimate uses
 
 
 EXACT = StateUncertainty()
@@ -150,34 +143,18 @@ def configuration(robot: Robot, pose: Array, joints: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ControllerAnswer:
-    """The controller's answer to a reading.
+    """The controller's answer to a reading."""
 
-    Attributes
-    ----------
-    command:
-        For the robot; None: only an estimate was requested.
-    q, v:
-        The estimate, in the problem's world.
-    ok:
-        Whether the tick has a solution.
-    report:
-        Why not.
-    at_rest:
-        Whether the robot stands on both feet; True for problems that are no walks.
-    sure:
-        Uncertainty of the estimate.
-    load:
-        Part of the weight that the feet bear, until the problem begins.
-    """
-
-    command: Command | None
+    command: Command | None  # for the robot; None: only an estimate was requested
+    # the estimate, in the problem's world
     q: Array
     v: Array
-    ok: bool = True
-    report: str = ""
+    ok: bool = True  # whether the tick has a solution
+    report: str = ""  # why not
+    # whether the robot stands on both feet; True for problems that are no walks
     at_rest: bool = True
-    sure: StateUncertainty = EXACT
-    load: float = 0.0
+    sure: StateUncertainty = EXACT  # uncertainty of the estimate
+    load: float = 0.0  # part of the weight that the feet bear, until the problem begins
 
 
 class RobotController:

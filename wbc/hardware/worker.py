@@ -22,27 +22,13 @@ EXIT_TIMEOUT = 0.5  # s for a process to end by itself
 
 
 class Job(NamedTuple):
-    """A request to the controller.
+    """A request to the controller."""
 
-    Attributes
-    ----------
-    reading:
-        The newest one.
-    begins:
-        Whether the controller begins with it, or, without a command, the estimator.
-    wants_command:
-        Whether a command is requested, not only an estimate.
-    comes_to_rest:
-        Whether the robot should come to rest.
-    waits:
-        Whether it balances where the problem begins, which does not begin yet.
-    """
-
-    reading: Reading
-    begins: bool
-    wants_command: bool
-    comes_to_rest: bool
-    waits: bool = False
+    reading: Reading  # the newest one
+    begins: bool  # whether the controller begins with it, or, without a command, the estimator
+    wants_command: bool  # whether a command is requested, not only an estimate
+    comes_to_rest: bool  # whether the robot should come to rest
+    waits: bool = False  # whether it balances where the problem begins, which does not begin yet
 
 
 class WorkerOutcome(NamedTuple):

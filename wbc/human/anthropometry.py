@@ -22,25 +22,14 @@ MEAN_BODY_MASS_INDEX = {"female": 20.6, "male": 24.1}
 
 @dataclass(frozen=True)
 class SegmentInertia:
-    """One row of de Leva's Table 4.
+    """One row of de Leva's Table 4."""
 
-    Attributes
-    ----------
-    mass:
-        Part of the body's mass.
-    centre:
-        From the proximal (or cranial) end, as a part of the length.
-    radii:
-        Gyration radii about the sagittal (forward), transverse (sideways) and longitudinal axis
-        through the centre, as parts of the length.
-    length:
-        Mean length [m].
-    """
-
-    mass: float
-    centre: float
+    mass: float  # part of the body's mass
+    centre: float  # from the proximal (or cranial) end, as a part of the length
+    # gyration radii about the sagittal (forward), transverse (sideways) and longitudinal axis
+    # through the centre, as parts of the length
     radii: tuple[float, float, float]
-    length: float
+    length: float  # mean length [m]
 
 
 def _row(mass: float, centre: float, s: float, t: float, l: float, mm: float) -> SegmentInertia:  # noqa: E741

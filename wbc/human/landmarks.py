@@ -18,30 +18,14 @@ from operator import itemgetter
 
 @dataclass(frozen=True)
 class Landmark:
-    """A place on a segment.
+    """A place on a segment."""
 
-    Attributes
-    ----------
-    name:
-        Such as ``left_asis``.
-    segment:
-        The segment it moves with.
-    anchor:
-        The segment from whose origin, a joint on ``segment``, places are measured.
-    place:
-        In the axes of ``segment`` [m], of the reference stature.
-    spread:
-        Standard deviation of the place [m].
-    noise:
-        Standard deviation of the movement of skin and marker against the bone [m].
-    """
-
-    name: str
-    segment: str
-    anchor: str
-    place: tuple[float, float, float]
-    spread: float
-    noise: float
+    name: str  # such as left_asis
+    segment: str  # the segment it moves with
+    anchor: str  # the segment from whose origin, a joint on segment, places are measured
+    place: tuple[float, float, float]  # in the axes of segment [m], of the reference stature
+    spread: float  # standard deviation of the place [m]
+    noise: float  # standard deviation of the movement of skin and marker against the bone [m]
 
 
 # Landmarks of both sides: segment, anchor, place on the left [mm], spread and noise [mm], names

@@ -38,28 +38,15 @@ GAIN_FRAMES = 100  # over which the gains are averaged
 
 @dataclass(frozen=True, eq=False)
 class ResidualNoise:
-    """Errors of a fitted posture, correlated among its coordinates and over time.
+    """Errors of a fitted posture, correlated among its coordinates and over time."""
 
-    Attributes
-    ----------
-    time:
-        Of the frames (n,) [s].
-    residual:
-        Of the markers' coordinates (n, k) [m], without gaps and means.
-    gain:
-        (f, nv, k): from errors of the markers' coordinates to those of the posture in some frames:
-        base along world axes [m], about its own axes [rad], joints [rad].
-    constant:
-        (nv, 3): a root of the covariance of constant errors, likewise.
-    late:
-        Standard deviation of the clock [s].
-    """
-
-    time: Array
-    residual: Array
+    time: Array  # of the frames (n,) [s]
+    residual: Array  # of the markers' coordinates (n, k) [m], without gaps and means
+    # (f, nv, k): from errors of the markers' coordinates to those of the posture in some frames:
+    # base along world axes [m], about its own axes [rad], joints [rad]
     gain: Array
-    constant: Array
-    late: float = LATE
+    constant: Array  # (nv, 3): a root of the covariance of constant errors, likewise
+    late: float = LATE  # standard deviation of the clock [s]
 
     def recorded(self) -> Noise:
         """Return the standard deviations of the channels, unfiltered."""

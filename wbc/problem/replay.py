@@ -26,23 +26,12 @@ NOT_COMPARED = ("versions", "problem")
 
 
 class RunReplay(NamedTuple):
-    """The comparison of a recorded run with its replay.
+    """The comparison of a recorded run with its replay."""
 
-    Attributes
-    ----------
-    ticks:
-        Number of ticks compared, from the first on; 0: only the summary.
-    differences:
-        Entries that differ in any bit, in words; empty if none.
-    versions:
-        Packages whose versions differ, in words.
-    whole:
-        Whether the summary was compared, too: not if it or the replay was interrupted.
-    """
-
-    ticks: int
-    differences: tuple[str, ...]
-    versions: tuple[str, ...]
+    ticks: int  # number of ticks compared, from the first on; 0: only the summary
+    differences: tuple[str, ...]  # entries that differ in any bit, in words; empty if none
+    versions: tuple[str, ...]  # packages whose versions differ, in words
+    # whether the summary was compared, too: not if it or the replay was interrupted
     whole: bool = True
 
     @property

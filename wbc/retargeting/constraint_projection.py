@@ -54,20 +54,14 @@ UNCHANGED, NOTED = 1e-6, 5e-3
 
 
 class Projection(NamedTuple):
-    """Configurations (n, nq), and their constraint violations.
-
-    Attributes
-    ----------
-    feet, limits, margins:
-        Largest violations [m or rad].
-    speed_ratio, acceleration_ratio:
-        Largest speed and acceleration by the joints' own.
-    """
+    """Configurations (n, nq), and their constraint violations."""
 
     q: Array
+    # largest violations [m or rad]
     feet: float
     limits: float
     margins: float
+    # largest speed and acceleration by the joints' own
     speed_ratio: float
     acceleration_ratio: float
 

@@ -81,17 +81,10 @@ def required_cop(
 
 @dataclass(frozen=True, eq=False)
 class SupportedFrames:
-    """The support of some frames.
+    """The support of some frames."""
 
-    Attributes
-    ----------
-    frames:
-        Their indices.
-    feet:
-        Of each foot that stands: 0 (left) or 1 (right), and the corners that touch (k, 3) [m].
-    """
-
-    frames: NDArray[np.intp]
+    frames: NDArray[np.intp]  # their indices
+    # of each foot that stands: 0 (left) or 1 (right), and the corners that touch (k, 3) [m]
     feet: tuple[tuple[int, Array], ...]
 
     @cached_property

@@ -42,46 +42,26 @@ EDGE_WIDTH = 1e-3  # m: corners this near to the front or rear form its edge; at
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """Where a foot stands from frame ``first`` to before ``end``.
-
-    Attributes
-    ----------
-    pose:
-        x, y [m] and heading [rad] of the sole frame when it is level.
-    """
+    """Where a foot stands from frame ``first`` to before ``end``."""
 
     foot: str
     first: int
     end: int
-    pose: Array
+    pose: Array  # x, y [m] and heading [rad] of the sole frame when it is level
 
 
 class FootPath(NamedTuple):
-    """The path of one foot.
+    """The path of one foot."""
 
-    Attributes
-    ----------
-    place:
-        Of the sole frame (n, 3) [m].
-    heading, pitch:
-        (n,) [rad]; a positive pitch has the toes up.
-    down:
-        Whether it touches the ground (n,).
-    corners:
-        Of the sole that touch the ground, or would (n, k, 3) [m]; the last may be repeated.
-    shift:
-        From the human's scaled path (n, 2) [m].
-    origin:
-        Of the footprint that it stands on, or its own place in the air (n, 3) [m].
-    """
-
-    place: Array
+    place: Array  # of the sole frame (n, 3) [m]
+    # (n,) [rad]; a positive pitch has the toes up
     heading: Array
     pitch: Array
-    down: Bools
+    down: Bools  # whether it touches the ground (n,)
+    # of the sole that touch the ground, or would (n, k, 3) [m]; the last may be repeated
     corners: Array
-    shift: Array
-    origin: Array
+    shift: Array  # from the human's scaled path (n, 2) [m]
+    origin: Array  # of the footprint that it stands on, or its own place in the air (n, 3) [m]
 
     @property
     def rotation(self) -> Array:
@@ -103,23 +83,14 @@ class FootPath(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FootPaths:
-    """Paths of both feet, by side, and their footprints.
-
-    Attributes
-    ----------
-    widening:
-        Outward shift of each foot [m].
-    notes:
-        Of feet that slide on the ground.
-    line_feet:
-        Sides of feet that stand along the middle of their length only: their legs have no joint to
-        roll them, so they tilt sideways as the legs do (:class:`~wbc.LineContact`).
-    """
+    """Paths of both feet, by side, and their footprints."""
 
     paths: Mapping[str, FootPath]
     prints: tuple[Footprint, ...]
-    widening: float
-    notes: tuple[str, ...]
+    widening: float  # outward shift of each foot [m]
+    notes: tuple[str, ...]  # of feet that slide on the ground
+    # sides of feet that stand along the middle of their length only: their legs have no joint to
+    # roll them, so they tilt sideways as the legs do (LineContact)
     line_feet: frozenset[str]
 
     @property

@@ -30,24 +30,14 @@ TOLERANCES = {"CoP outside the feet": 1e-3, "friction above the cone": 5e-3,
 
 @dataclass(frozen=True, eq=False)
 class GroundForces:
-    """Ground forces of n frames, and joint torques.
+    """Ground forces of n frames, and joint torques."""
 
-    Attributes
-    ----------
-    wrenches:
-        Of both feet at their sole frames, force then moment, world axes (n, 2, 6) [N, N m]: the
-        most even ones inside the friction cones at the corners that touch.
-    torque:
-        Of the joints (n, nv - 6) [N m or N].
-    cop:
-        That the motion requires (n, 2) [m]; NaN where it requires no contact force.
-    unbalanced:
-        Where the feet cannot give these forces, or the joints these torques.
-    """
-
+    # of both feet at their sole frames, force then moment, world axes (n, 2, 6) [N, N m]: the most
+    # even ones inside the friction cones at the corners that touch
     wrenches: Array
-    torque: Array
-    cop: Array
+    torque: Array  # of the joints (n, nv - 6) [N m or N]
+    cop: Array  # that the motion requires (n, 2) [m]; NaN where it requires no contact force
+    # where the feet cannot give these forces, or the joints these torques
     unbalanced: tuple[Unbalanced, ...]
 
 

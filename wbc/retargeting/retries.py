@@ -115,22 +115,13 @@ def solve(
 
 @dataclass(frozen=True, eq=False)
 class MotionAttempt:
-    """The result of one attempt.
+    """The result of one attempt."""
 
-    Attributes
-    ----------
-    q:
-        Configurations (n, nq).
-    problem, scale:
-        What was solved, with the targets.
-    reductions:
-        How many times the weights of CoM and momentum were lowered.
-    """
-
-    q: Array
+    q: Array  # configurations (n, nq)
+    # what was solved, with the targets
     problem: TrajectoryProblem
     scale: MotionScale
-    reductions: int
+    reductions: int  # how many times the weights of CoM and momentum were lowered
 
     def notes(self, time_scale: float) -> list[str]:
         """Return what was given up; ``time_scale``: the scale of time that was asked for."""

@@ -36,22 +36,12 @@ class FixedFingers:
     """A robot with rigid fingers, and its configurations with movable ones.
 
     Each pair of fingers would be a margin in every frame, and each joint a column.
-
-    Attributes
-    ----------
-    robot:
-        With rigid fingers; the same robot if it has none.
-    fingers:
-        Their joints, by name.
-    standing:
-        Configuration (nq,) of the whole robot, in which fingers are fixed.
-    q_kept, v_kept:
-        Indices of the whole robot's coordinates and velocities that the rigid one has.
     """
 
-    robot: Robot
-    fingers: tuple[str, ...]
-    standing: Array
+    robot: Robot  # with rigid fingers; the same robot if it has none
+    fingers: tuple[str, ...]  # their joints, by name
+    standing: Array  # configuration (nq,) of the whole robot, in which fingers are fixed
+    # indices of the whole robot's coordinates and velocities that the rigid one has
     q_kept: NDArray[np.intp]
     v_kept: NDArray[np.intp]
 

@@ -63,23 +63,12 @@ class MotionScale:
 
 @dataclass(frozen=True, eq=False)
 class StandingBody:
-    """Dimensions of a robot that stands with hanging arms.
+    """Dimensions of a robot that stands with hanging arms."""
 
-    Attributes
-    ----------
-    hips:
-        From the CoM (2, 3) [m], left and right; x forwards, z up.
-    com_height:
-        Of the CoM over the soles with straight legs [m].
-    ankle_height:
-        Of the ankles over the soles [m].
-    arm_levers:
-        Of the arms that the robot has, by side (2,) [m], see :func:`arm_levers`.
-    """
-
-    hips: Array
-    com_height: float
-    ankle_height: float
+    hips: Array  # from the CoM (2, 3) [m], left and right; x forwards, z up
+    com_height: float  # of the CoM over the soles with straight legs [m]
+    ankle_height: float  # of the ankles over the soles [m]
+    # of the arms that the robot has, by side (2,) [m], see arm_levers
     arm_levers: Mapping[str, Array]
 
 

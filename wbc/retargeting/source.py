@@ -31,45 +31,20 @@ LEVEL_PITCH, MAX_SLIDING, MAX_PIVOTING = 0.15, 0.25, 2.5  # rad, m/s, rad/s
 
 @dataclass(frozen=True, eq=False)
 class HumanFrames:
-    """A human's motion at a constant rate, n frames, its own size and time, its ground at z = 0.
+    """A human's motion at a constant rate, n frames, its own size and time, its ground at z = 0."""
 
-    Attributes
-    ----------
-    series:
-        CoM, momentum and inertia (:class:`wbc.RmpSeries`), heights as recorded.
-    rotation:
-        Of segments, by name (n, 3, 3).
-    heading:
-        Of the pelvis (n,) [rad].
-    arms:
-        Directions of upper arm and forearm (n, 2, 3), by side.
-    arm_levers:
-        How far they displace the CoM along these, by side (2,) [m].
-    hips:
-        Midpoint of the hips from the CoM (n, 3) [m], world axes.
-    upright_hips:
-        The same (3,) [m] of an upright body, in the axes of its pelvis.
-    soles:
-        Points of the soles under the ankles (n, 3) [m], and headings (n,) [rad], by side.
-    sole_rotation:
-        Of the soles, by side (n, 3, 3).
-    down:
-        Which feet touch the ground, by side (n,), bool.
-    roll:
-        Part of the soles' pitch that a robot's feet are to have.
-    """
-
-    series: RmpSeries
-    rotation: Mapping[str, Array]
-    heading: Array
-    arms: Mapping[str, Array]
-    arm_levers: Mapping[str, Array]
-    hips: Array
-    upright_hips: Array
+    series: RmpSeries  # CoM, momentum and inertia (RmpSeries), heights as recorded
+    rotation: Mapping[str, Array]  # of segments, by name (n, 3, 3)
+    heading: Array  # of the pelvis (n,) [rad]
+    arms: Mapping[str, Array]  # directions of upper arm and forearm (n, 2, 3), by side
+    arm_levers: Mapping[str, Array]  # how far they displace the CoM along these, by side (2,) [m]
+    hips: Array  # midpoint of the hips from the CoM (n, 3) [m], world axes
+    upright_hips: Array  # the same (3,) [m] of an upright body, in the axes of its pelvis
+    # points of the soles under the ankles (n, 3) [m], and headings (n,) [rad], by side
     soles: Mapping[str, tuple[Array, Array]]
-    sole_rotation: Mapping[str, Array]
-    down: Mapping[str, Bools]
-    roll: float
+    sole_rotation: Mapping[str, Array]  # of the soles, by side (n, 3, 3)
+    down: Mapping[str, Bools]  # which feet touch the ground, by side (n,), bool
+    roll: float  # part of the soles' pitch that a robot's feet are to have
 
     def __len__(self) -> int:
         return len(self.series)

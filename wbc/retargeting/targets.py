@@ -40,43 +40,19 @@ MAX_FORWARD_SHIFT = 0.08  # of the CoM over the feet, by the legs' length
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """Targets of n frames, the robot's own size and time, its ground at z = 0.
+    """Targets of n frames, the robot's own size and time, its ground at z = 0."""
 
-    Attributes
-    ----------
-    time:
-        (n,) [s], even.
-    com:
-        (n, 3) [m].
-    angular_momentum:
-        About the CoM (n, 3) [kg m^2/s].
-    rotation:
-        Of the robot's frames for pelvis, trunk and head (n, 3, 3).
-    arms:
-        Directions of upper arm and forearm (n, 2, 3), by side.
-    inertia:
-        The human's, scaled (n, 3, 3) [kg m^2].
-    feet:
-        Paths of the soles.
-    human_com:
-        The human's CoM, scaled, before it was moved for balance, reach and arms of another mass
-        (n, 3) [m].
-    cop:
-        Of the targets, inside the feet that stand (n, 2) [m]; NaN in the air.
-    notes:
-        What was changed.
-    """
-
-    time: Array
-    com: Array
-    angular_momentum: Array
-    rotation: Mapping[str, Array]
-    arms: Mapping[str, Array]
-    inertia: Array
-    feet: FootPaths
+    time: Array  # (n,) [s], even
+    com: Array  # (n, 3) [m]
+    angular_momentum: Array  # about the CoM (n, 3) [kg m^2/s]
+    rotation: Mapping[str, Array]  # of the robot's frames for pelvis, trunk and head (n, 3, 3)
+    arms: Mapping[str, Array]  # directions of upper arm and forearm (n, 2, 3), by side
+    inertia: Array  # the human's, scaled (n, 3, 3) [kg m^2]
+    feet: FootPaths  # paths of the soles
+    # the human's CoM (n, 3) [m], scaled, before it was moved for balance, reach and arms' mass
     human_com: Array
-    cop: Array
-    notes: tuple[str, ...]
+    cop: Array  # of the targets, inside the feet that stand (n, 2) [m]; NaN in the air
+    notes: tuple[str, ...]  # what was changed
 
     @property
     def down(self) -> Bools:

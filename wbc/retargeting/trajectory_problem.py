@@ -59,29 +59,17 @@ MAX_STEP = 0.3  # rad or m, of one frame in one iteration
 
 
 class Linearization(NamedTuple):
-    """Least squares about configurations, to first order.
+    """Least squares about configurations, to first order."""
 
-    Attributes
-    ----------
-    q, joints:
-        (n, nq), (n, nv - 6).
-    normal:
-        The normal equations of the next step.
-    violation:
-        Largest violation of feet on the ground, limits and margins [m or rad].
-    speed_ratio, acceleration_ratio:
-        Largest speed by its limit, and acceleration by what the motor can.
-    cost:
-        Sum of squares of tasks and momentum, per frame.
-    """
-
+    # (n, nq), (n, nv - 6)
     q: Array
     joints: Array
-    normal: NormalEquations
-    violation: float
+    normal: NormalEquations  # the normal equations of the next step
+    violation: float  # largest violation of feet on the ground, limits and margins [m or rad]
+    # largest speed by its limit, and acceleration by what the motor can
     speed_ratio: float
     acceleration_ratio: float
-    cost: float
+    cost: float  # sum of squares of tasks and momentum, per frame
 
     @property
     def actuator_ratio(self) -> float:

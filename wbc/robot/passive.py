@@ -41,21 +41,12 @@ class GravityCompensation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PassiveForces:
-    """The passive forces of a description.
+    """The passive forces of a description."""
 
-    Attributes
-    ----------
-    springs:
-        By joint.
-    lifts:
-        Gravity compensation of bodies.
-    curved_damping:
-        By joint b1 [N m s^2/rad^2] and b2 [N m s^3/rad^3] of -(b1 v |v| + b2 v^3), beside the
-        linear damping.
-    """
-
-    springs: Mapping[str, Spring] = field(default_factory=dict)
-    lifts: tuple[GravityCompensation, ...] = ()
+    springs: Mapping[str, Spring] = field(default_factory=dict)  # by joint
+    lifts: tuple[GravityCompensation, ...] = ()  # gravity compensation of bodies
+    # by joint b1 [N m s^2/rad^2] and b2 [N m s^3/rad^3] of -(b1 v |v| + b2 v^3), beside the linear
+    # damping
     curved_damping: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:

@@ -28,41 +28,22 @@ PITCH_ROLL = 0  # ankles and waist are commanded by pitch and roll, not by their
 
 @dataclass(frozen=True)
 class Profile:
-    """Properties of a robot that are not in its model.
+    """Properties of a robot that are not in its model."""
 
-    Attributes
-    ----------
-    name:
-        Of the option ``--robot``.
-    family:
-        Of its messages: ``hg`` or ``go``.
-    model:
-        The robot model that this was written for.
-    motors:
-        Number of the motor by a joint's name.
-    stiffness, holding:
-        kp [N m/rad] and kd [N m s/rad] by pattern of joints' names, for holding postures: the last
-        matching pattern counts.
-    damping:
-        kd [N m s/rad] by pattern, for braking.
-    following:
-        kd [N m s/rad] by pattern, while a controller commands torques and velocities.
-    mode_pr:
-        Of the messages of ``hg``: whether ankles are commanded by pitch and roll (0).
-    imu:
-        Frame of the IMU whose readings come, with its axes.
-    """
-
-    name: str
-    family: str
-    model: str
-    motors: Mapping[str, int]
+    name: str  # of the option --robot
+    family: str  # of its messages: hg or go
+    model: str  # the robot model that this was written for
+    motors: Mapping[str, int]  # number of the motor by a joint's name
+    # kp [N m/rad] and kd [N m s/rad] by pattern of joints' names, for holding postures: the last
+    # matching pattern counts
     stiffness: Mapping[str, float]
     holding: Mapping[str, float]
-    damping: Mapping[str, float]
+    damping: Mapping[str, float]  # kd [N m s/rad] by pattern, for braking
+    # kd [N m s/rad] by pattern, while a controller commands torques and velocities
     following: Mapping[str, float]
+    # of the messages of hg: whether ankles are commanded by pitch and roll (0)
     mode_pr: int = PITCH_ROLL
-    imu: str = BASE
+    imu: str = BASE  # frame of the IMU whose readings come, with its axes
 
     def mount(self, robot: Robot) -> ImuMount:
         """Return the mount of the IMU; at the base if the robot's model lacks its frame."""

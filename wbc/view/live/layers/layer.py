@@ -46,15 +46,9 @@ class Context(NamedTuple):
 
 
 class Layer(ABC):
-    """A part of the scene below one node, which can be hidden.
+    """A part of the scene below one node, which can be hidden."""
 
-    Attributes
-    ----------
-    label:
-        Its name on the page.
-    """
-
-    label: str
+    label: str  # its name on the page
 
     def __init__(self, context: Context) -> None:
         self.scene, self.size, self.robot, self.terrain = context
