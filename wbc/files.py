@@ -65,10 +65,7 @@ def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:
 def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
     """Write a file atomically: a temporary file in the same folder is renamed.
 
-    Parameters
-    ----------
-    fill:
-        Called with the open binary file.
+    ``fill``: called with the open binary file.
 
     Raises
     ------

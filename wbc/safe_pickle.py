@@ -51,10 +51,7 @@ def made_with() -> dict[str, str]:
 def write_pickled(path: str | Path, kind: str, content: Any) -> None:
     """Write a line of JSON that names the kind, then ``content``, atomically.
 
-    Parameters
-    ----------
-    kind:
-        What it is, such as ``"wbc tick 1"``.
+    ``kind``: what it is, such as ``"wbc tick 1"``.
 
     Raises
     ------
@@ -93,10 +90,7 @@ def read_pickled(
 ) -> tuple[Any, dict[str, str]]:
     """Return the content of a file of :func:`write_pickled`, and the versions that wrote it.
 
-    Parameters
-    ----------
-    code:
-        A Python file that defines classes of yours which are in it; it is run.
+    ``code``: a Python file that defines classes of yours which are in it; it is run.
 
     Raises
     ------

@@ -24,12 +24,8 @@ CONNECT = 20.0  # s to wait for the scheduler
 class Cluster:
     """The workers of a scheduler; a context, at whose end what is not done is cancelled.
 
-    Parameters
-    ----------
-    address:
-        Such as ``tcp://10.0.0.1:8786``.
-    on_death:
-        Told of every worker that is gone, once for each run that it was last seen with.
+    ``address``: such as ``tcp://10.0.0.1:8786``; ``on_death``: told of every worker that is gone,
+    once for each run that it was last seen with.
 
     Raises
     ------

@@ -36,10 +36,7 @@ def made_with() -> dict[str, str]:
 def run_row(run: Run, text: str) -> Row:
     """Run a problem and return its row; an error is a row, too: the campaign goes on.
 
-    Parameters
-    ----------
-    text:
-        Of the problem's file, which must not have changed.
+    ``text``: of the problem's file, which must not have changed.
     """
     with _one_at_a_time:
         start = perf_counter()

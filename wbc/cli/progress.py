@@ -141,10 +141,7 @@ class _StatusHandler(logging.Handler):
 def starting(what: str, quiet: bool = False) -> Iterator[None]:
     """Show the present activity on the terminal, if there is one.
 
-    Parameters
-    ----------
-    what:
-        The first activity, such as ``"loading p.yaml"``; the library logs later ones.
+    ``what``: the first activity, such as ``"loading p.yaml"``; the library logs later ones.
     """
     console, logger = plain_console(stderr=True), logging.getLogger(DOING)
     if quiet or not console.is_terminal:

@@ -116,10 +116,7 @@ def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
     World x and y of the soles' corners, wherever the soles are: whether a foot touches the ground
     is the caller's knowledge.
 
-    Parameters
-    ----------
-    feet:
-        Feet that stand, such as ``("left", "right")``.
+    ``feet``: feet that stand, such as ``("left", "right")``.
 
     Raises
     ------

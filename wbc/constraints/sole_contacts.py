@@ -48,10 +48,7 @@ def contact_kind(posture: Snapshot, frame: str) -> type[Contact]:
     sole, which is narrow: flat soles of two such legs have dependent rows, and where the ground
     yields a little, huge torques (an H1 standing still: 164 N m in place of 23).
 
-    Parameters
-    ----------
-    posture:
-        Standing; what a leg can do is judged there.
+    ``posture``: standing; what a leg can do is judged there.
     """
     robot = posture.robot
     foot = next((name for name, one in robot.feet.items() if one.frame == frame), None)

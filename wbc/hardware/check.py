@@ -54,10 +54,7 @@ def listen(
 ) -> list[CheckFinding]:
     """Listen without commanding; return findings about bus and sensors.
 
-    Parameters
-    ----------
-    up:
-        The axis of the IMU (3,) that is vertical when the robot stands.
+    ``up``: the axis of the IMU (3,) that is vertical when the robot stands.
     """
     checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds

@@ -147,10 +147,7 @@ def real_time(priority: int) -> Iterator[tuple[str, ...]]:
 
     Yield what was not granted, in words. Threads started inside inherit the priority.
 
-    Parameters
-    ----------
-    priority:
-        From 1 to 99; 0: neither priority nor locked memory.
+    ``priority``: from 1 to 99; 0: neither priority nor locked memory.
     """
     notes = list[str]()
     if priority and not hasattr(os, "sched_setscheduler"):

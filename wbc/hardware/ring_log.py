@@ -32,12 +32,7 @@ BYTES = 8  # of a number
 class RingLog:
     """The last seconds of a loop, one row of numbers for each cycle, in shared memory.
 
-    Parameters
-    ----------
-    fields:
-        Number of values of each field, by name.
-    seconds, dt:
-        Length and period [s].
+    ``fields``: number of values of each field, by name; ``seconds``, ``dt``: length and period [s].
     """
 
     def __init__(self, fields: Mapping[str, int], seconds: float, dt: float) -> None:
@@ -200,10 +195,7 @@ def _serve_writes(writer: LogWriter, pipe: Connection, others: Connection) -> No
 class Watcher:
     """Calls a function with the ring in a process that is forked now.
 
-    Parameters
-    ----------
-    watch:
-        It may return at any time; it is terminated with the loop.
+    ``watch``: it may return at any time; it is terminated with the loop.
     """
 
     def __init__(self, ring: RingLog, watch: Callable[[RingLog], None]) -> None:

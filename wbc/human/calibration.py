@@ -83,10 +83,7 @@ def calibrate(
 ) -> Calibration:
     """Return a human's dimensions and marker places, from key frames (n, m, 3) [m]; NaN: not seen.
 
-    Parameters
-    ----------
-    stature:
-        [m]; None: by the lengths between joints.
+    ``stature``: [m]; None: by the lengths between joints.
     """
     guess = stature if stature is not None else _estimate_stature(observed, landmarks)
     for _ in range(2 if stature is None else 1):

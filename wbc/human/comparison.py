@@ -136,10 +136,7 @@ def plates_mass(
     None if the plates never measure all of the force. And notes: if a plate often pushes away from
     the feet, and if the mass varies, as of a human who sits at times; then it is the median.
 
-    Parameters
-    ----------
-    down:
-        Which feet are down (n, f) in the series' frames.
+    ``down``: which feet are down (n, f) in the series' frames.
     """
     if not plates:
         return None, ()

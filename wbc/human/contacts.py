@@ -22,10 +22,7 @@ USUAL_CUTOFF, CUTOFF_RANGE = 6.0, (4.0, 12.0)  # Hz: without steps; least and la
 def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float) -> Bools:
     """Return which feet touch the ground (n, f), in the order of ``robot.feet``.
 
-    Parameters
-    ----------
-    soles:
-        Placements of the sole frames (n, 4, 4), of a smooth motion.
+    ``soles``: placements of the sole frames (n, 4, 4), of a smooth motion.
     """
     corners = sole_corners(robot, soles)  # (n, f, k, 3)
     speed = np.linalg.norm(np.gradient(corners, time, axis=0), axis=3)

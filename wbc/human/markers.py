@@ -220,10 +220,7 @@ def without_copies(
     Of several markers with one label the first is taken, unless it is seen less than half as often
     as a later one: files keep empty ones.
 
-    Parameters
-    ----------
-    positions:
-        (n, m, 3); NaN where a marker was not seen.
+    ``positions``: (n, m, 3); NaN where a marker was not seen.
     """
     seen, taken = np.isfinite(positions).all(axis=2).sum(axis=0), dict[str, int]()
     for k, label in enumerate(labels):

@@ -143,12 +143,8 @@ def _least_squares(
 ) -> Array:
     """Return the most likely displacement (n, 2) of the CoM that removes the CoP's error in steps.
 
-    Parameters
-    ----------
-    error:
-        Wanted displacement of the CoP (n, 2) [m].
-    time_constant_sq:
-        (n,) [s^2]: distance from CoM to CoP by the CoM's acceleration.
+    ``error``: wanted displacement of the CoP (n, 2) [m]; ``time_constant_sq``: (n,) [s^2]: distance
+    from CoM to CoP by the CoM's acceleration.
     """
     count = len(error)
     inner = sparse.diags_array(

@@ -51,10 +51,7 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     ``root_orient`` and ``pose_body`` (or ``global_orient`` and ``body_pose``); ``trans`` (or
     ``transl``) (n, 3) [m]; and ``mocap_framerate`` (or ``mocap_frame_rate``, ``fps``) [Hz].
 
-    Parameters
-    ----------
-    stature:
-        Of the bones [m].
+    ``stature``: of the bones [m].
 
     Raises
     ------

@@ -26,10 +26,7 @@ def ground_and_soles(
 ) -> tuple[float, dict[str, FittedSole], tuple[str, ...]]:
     """Return the ground's height [m], the soles by side, and notes.
 
-    Parameters
-    ----------
-    height:
-        Of the ground [m]; None: 0, unless the feet contradict it.
+    ``height``: of the ground [m]; None: 0, unless the feet contradict it.
     """
     usual = ANKLE_HEIGHT * body.scale
     flat = {side: _flat(frames, time, side) for side in SIDES}

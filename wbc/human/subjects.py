@@ -16,10 +16,7 @@ def select_subject(
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the markers of one human, and a note on other named objects.
 
-    Parameters
-    ----------
-    subject:
-        The part of its labels before the colon, as in ``Anna:LASI``; None: the only human.
+    ``subject``: the part of its labels before the colon, as in ``Anna:LASI``; None: the only human.
     """
     named = dict[str, list[str]]()
     for label in recording.labels:

@@ -217,10 +217,7 @@ def check_limits(
 ) -> None:
     """Raise RecordingError where joints (n, nv-6) are past their limits by more than ``beyond``.
 
-    Parameters
-    ----------
-    columns:
-        The file's column of each joint; None for one that is not in the file.
+    ``columns``: the file's column of each joint; None for one that is not in the file.
     """
     limits = robot.limits
     recorded = np.array([column is not None for column in columns], dtype=bool)

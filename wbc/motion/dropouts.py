@@ -129,12 +129,8 @@ def _rounded_up(seconds: float) -> float:
 def unwrap(robot: Robot, joints: Array, quaternions: Array) -> None:
     """Undo in place the jumps of continuous joints (by 2 pi), and of quaternions (by sign).
 
-    Parameters
-    ----------
-    joints:
-        (n, nv-6) [rad or m], with NaN where numbers are missing.
-    quaternions:
-        (n, 4), likewise, or (n, 0) without a base.
+    ``joints``: (n, nv-6) [rad or m], with NaN where numbers are missing; ``quaternions``: (n, 4),
+    likewise, or (n, 0) without a base.
     """
     for k in robot.limits.unbounded:
         known = np.isfinite(joints[:, k])

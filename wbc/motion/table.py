@@ -176,10 +176,7 @@ def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
 
     That line may begin with ``#``, as NumPy writes it, after comments that begin so too.
 
-    Parameters
-    ----------
-    usual:
-        Column names of a file that has as many columns without names.
+    ``usual``: column names of a file that has as many columns without names.
 
     Raises
     ------
@@ -279,10 +276,7 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     ``positions`` (n, k); or the arrays of mjlab's trackers, with ``joint_names``; or one array
     (n,) for each column.
 
-    Parameters
-    ----------
-    configuration:
-        Names of the columns of ``q``.
+    ``configuration``: names of the columns of ``q``.
 
     Raises
     ------

@@ -43,10 +43,7 @@ def propagate_noise(
 ) -> Uncertainty:
     """Return the uncertainty of a trajectory's pendulum by its filtered noise.
 
-    Parameters
-    ----------
-    margin:
-        Of the CoP, by the series' feet.
+    ``margin``: of the CoP, by the series' feet.
     """
     every, arrays = [field.name for field in fields(Uncertainty)], series.arrays()
     found = {name: np.full(arrays[name].shape, np.nan) for name in every if name in arrays}

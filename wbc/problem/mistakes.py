@@ -108,12 +108,8 @@ def complaints(
 ) -> list[tuple[KeyPath, str]]:
     """Return every complaint: where it belongs, and its text.
 
-    Parameters
-    ----------
-    keys:
-        The keys that a mapping of ``source`` may have, by the mapping's identity.
-    below:
-        Where what was validated stands in ``source``.
+    ``keys``: the keys that a mapping of ``source`` may have, by the mapping's identity; ``below``:
+    where what was validated stands in ``source``.
     """
     details: list[Detail] = [
         {**detail, "loc": (*below, *detail["loc"])} for detail in error.errors(include_url=False)

@@ -117,10 +117,7 @@ def _words(wanted: Followed) -> str:
 def refuse_course(target: object, before: object) -> None:
     """Refuse a target of a phase that would follow a plan or a loop, or that would leave a plan.
 
-    Parameters
-    ----------
-    target, before:
-        In the phase, and until then.
+    ``target``, ``before``: in the phase, and until then.
     """
     if isinstance(target, LoopTarget):
         raise Misplaced("a loop is gone round from the start on, in a run without phases", "target")

@@ -56,10 +56,7 @@ class SavedRun:
 def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | SavedPendulum:
     """Read an ``.npz`` that ``wbc run`` or ``wbc sim`` has written.
 
-    Parameters
-    ----------
-    robot:
-        By default the problem's, whose text is in the file.
+    ``robot``: by default the problem's, whose text is in the file.
 
     Raises
     ------

@@ -173,10 +173,7 @@ def check_arrays(path: Path, robot: Robot, arrays: Mapping[str, NDArray[Any]]) -
 def damaged_numbers(array: NDArray[Any], known: bool) -> str:
     """Return what is wrong with an array's numbers, in words; empty if nothing.
 
-    Parameters
-    ----------
-    known:
-        Whether NaN (no value) is wrong too.
+    ``known``: whether NaN (no value) is wrong too.
     """
     if array.dtype.kind != "f":
         return ""

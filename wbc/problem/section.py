@@ -159,10 +159,7 @@ class Forms:
 
     Of several sections a mapping is the one that has most of its keys, or keys like them.
 
-    Parameters
-    ----------
-    expected:
-        Names the forms in messages.
+    ``expected``: names the forms in messages.
     """
 
     expected: str
@@ -277,12 +274,8 @@ class KeysOf:
     default: infinity means positive or infinite; a pair is (least, greatest); None is three
     components, of which some may be null; any other number is nonnegative.
 
-    Parameters
-    ----------
-    kind:
-        A dataclass with a section ``Parameters`` or ``Attributes`` in its docstring.
-    forms:
-        Types of keys to which the above does not apply.
+    ``kind``: a dataclass with a section ``Parameters`` or ``Attributes`` in its docstring;
+    ``forms``: types of keys to which the above does not apply.
     """
 
     def __init__(self, kind: type, **forms: Any) -> None:

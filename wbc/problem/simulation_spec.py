@@ -192,10 +192,7 @@ class WrenchSpec(Section):
 def rotated_to_plane(q: Array, normal: Array) -> Array:
     """Return a configuration rotated about the world's origin, from level ground to a plane.
 
-    Parameters
-    ----------
-    normal:
-        (3,) of the plane, upwards, of unit length.
+    ``normal``: (3,) of the plane, upwards, of unit length.
     """
     R, turned = upright_on(normal), np.array(q, dtype=float)
     turned[:3] = R @ q[:3]

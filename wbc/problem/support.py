@@ -129,10 +129,7 @@ def contacts_of(
 ) -> tuple[Contact, ...]:
     """Return the contacts of a problem's support, anchored at the snapshot; None is floating.
 
-    Parameters
-    ----------
-    friction:
-        Of contacts without their own.
+    ``friction``: of contacts without their own.
 
     Raises
     ------

@@ -38,12 +38,8 @@ NO_RESIDUALS = KktResiduals(np.inf, np.inf, np.inf)
 class ActiveSet:
     """The core's active-set method, its solutions checked; without state between calls.
 
-    Parameters
-    ----------
-    eps:
-        Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
-    max_iterations:
-        Cap on changes of the active set.
+    ``eps``: accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`; ``max_iterations``: cap on
+    changes of the active set.
 
     Raises
     ------

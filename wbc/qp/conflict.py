@@ -111,10 +111,7 @@ def conflict_of(
 ) -> Conflict | None:
     """Return the rows of a certificate, the heaviest first; None if it is not one.
 
-    Parameters
-    ----------
-    y, z, z_box:
-        (me,), (mi,), (n,) multipliers, with the signs of a solution's.
+    ``y``, ``z``, ``z_box``: (me,), (mi,), (n,) multipliers, with the signs of a solution's.
     """
     rows = UnitRows.of(qp)
     weights = np.append(np.append(y, z) * rows.norms, z_box)

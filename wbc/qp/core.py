@@ -83,10 +83,7 @@ class FlatQP(NamedTuple):
 def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreSolution:
     """Solve a QP by the core in at most ``most`` iterations.
 
-    Parameters
-    ----------
-    give:
-        (mi,) inverse weights of the rows' slacks, 0 for hard rows; None: all are hard.
+    ``give``: (mi,) inverse weights of the rows' slacks, 0 for hard rows; None: all are hard.
 
     Raises
     ------

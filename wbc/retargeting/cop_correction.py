@@ -317,12 +317,7 @@ def com_displacement(shift: Array, time_constant_sq: Array, dt: float) -> Array:
     Unlike :func:`least_com_displacement`, whose squares of h/(g + z'')/dt^2 lose too many digits at
     a thousand frames a second.
 
-    Parameters
-    ----------
-    shift:
-        Interpolated where it is NaN.
-    time_constant_sq:
-        h/(g + z'') (n,) [s^2].
+    ``shift``: interpolated where it is NaN; ``time_constant_sq``: h/(g + z'') (n,) [s^2].
     """
     count, frames = len(shift), np.arange(len(shift))
     stencil, bands = _cop_stencil(time_constant_sq, dt), np.zeros((3, count))

@@ -116,10 +116,7 @@ def yaw_pitch_rotations(heading: Array, pitch: Array | None = None) -> Array:
 def foot_paths(source: HumanFrames, setup: RobotSetup, scaling: Array) -> FootPaths:
     """Return the paths of a robot's feet.
 
-    Parameters
-    ----------
-    scaling:
-        Matrix (3, 3) from a human's positions to the robot's.
+    ``scaling``: matrix (3, 3) from a human's positions to the robot's.
     """
     robot, legs = setup.robot, setup.legs
     arms = {side: _sole_from_ankle(robot, side) for side in SIDES}

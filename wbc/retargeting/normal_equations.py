@@ -46,12 +46,8 @@ class NormalEquations:
     ) -> None:
         """Add differences over frames of each coordinate from ``first`` on, by itself.
 
-        Parameters
-        ----------
-        coefficients:
-            Of the difference, such as (1, -2, 1).
-        square, gradient:
-            Squared weight of each difference, and that times its error (m, k).
+        ``coefficients``: of the difference, such as (1, -2, 1); ``square``, ``gradient``: squared
+        weight of each difference, and that times its error (m, k).
         """
         count, nv = len(gradient), self.gradient.shape[1]
         for i, a in enumerate(coefficients):

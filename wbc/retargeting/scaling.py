@@ -106,10 +106,8 @@ def arm_levers(robot: Robot, snapshot: Snapshot, shoulder: str, forearm: str) ->
     That is their first moments about shoulder and elbow by the whole mass: an arm that points up
     raises the CoM of a robot that hangs its arms by twice their sum.
 
-    Parameters
-    ----------
-    shoulder, forearm:
-        Frames at the shoulder and at the elbow; all links behind their joints move with them.
+    ``shoulder``, ``forearm``: frames at the shoulder and at the elbow; all links behind their
+    joints move with them.
     """
     rotations, origins = snapshot.joint_placements
     model = robot.model
@@ -131,10 +129,8 @@ def motion_scale(
 ) -> MotionScale:
     """Return the scale from a human to a robot with these legs.
 
-    Parameters
-    ----------
-    duration:
-        ``froude``: times scale with the square root of lengths; ``kept``: they stay; or a factor.
+    ``duration``: ``froude``: times scale with the square root of lengths; ``kept``: they stay; or a
+    factor.
     """
     body = human.motion.robot
     upright = body.snapshot(body.postures["neutral"])
@@ -159,12 +155,8 @@ def momentum_scale(own: Array, human: Array, weights: Array) -> float:
     A robot whose arms are a larger part of its mass has more momentum in the same motion. At the
     human's, scaled by m h sqrt(g h), it could not raise its arms as far.
 
-    Parameters
-    ----------
-    own, human:
-        Of the robot, and of the human, scaled (n, 3) [kg m^2/s].
-    weights:
-        Of the three axes (3,).
+    ``own``, ``human``: of the robot, and of the human, scaled (n, 3) [kg m^2/s]; ``weights``: of
+    the three axes (3,).
     """
     square = float(np.square(weights * human).sum())
     if square == 0.0:

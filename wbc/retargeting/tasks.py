@@ -146,12 +146,8 @@ class FrameTasks:
         The axes are the human's. The moments are the robot's mean ones along these axes, times the
         human's by their means.
 
-        Parameters
-        ----------
-        inertia:
-            Of the robot in its present motion (n, 3, 3) [kg m^2].
-        axes:
-            The human's principal axes as columns (n, 3, 3).
+        ``inertia``: of the robot in its present motion (n, 3, 3) [kg m^2]; ``axes``: the human's
+        principal axes as columns (n, 3, 3).
         """
         human, robot = (
             np.einsum("nij,nik,nkj->nj", axes, one, axes) for one in (self.targets.inertia, inertia)

@@ -146,10 +146,7 @@ def principal_axis_errors(actual: Array, wanted: Array) -> Array:
 
     NaN where one of the two ellipsoids has another axis of nearly the same length.
 
-    Parameters
-    ----------
-    actual, wanted:
-        Inertias (n, 3, 3).
+    ``actual``, ``wanted``: inertias (n, 3, 3).
     """
     parts = []
     for one in map(track, (actual, wanted)):

@@ -308,12 +308,8 @@ class TrajectoryProblem:
     ) -> float:
         """Add speeds and accelerations of joints by their limits; excess weighs more.
 
-        Parameters
-        ----------
-        v:
-            From each configuration to the next (n - 1, nv).
-        excess_factor:
-            On the weights of the excess over nearly all of a limit, with nothing else added.
+        ``v``: from each configuration to the next (n - 1, nv); ``excess_factor``: on the weights of
+        the excess over nearly all of a limit, with nothing else added.
 
         Returns
         -------

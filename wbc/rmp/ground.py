@@ -90,10 +90,7 @@ def normal_moment(com: Array, force: Array, moment: Array, point: Array) -> Arra
 def leg_of(com: Array, cop: Array) -> tuple[Array, Array, Array]:
     """Return the pendulum's leg from the CoP to the CoM.
 
-    Parameters
-    ----------
-    com, cop:
-        (..., 3) [m].
+    ``com``, ``cop``: (..., 3) [m].
 
     Returns
     -------

@@ -47,10 +47,7 @@ def parallel_axis_rates(mass: float, arm: Array) -> Array:
 def parallel_axis_curvature(mass: float, arm: Array, velocity: Array, acceleration: Array) -> Array:
     """Return the second time derivative (6,) of vech of :func:`parallel_axis`.
 
-    Parameters
-    ----------
-    arm, velocity, acceleration:
-        (3,) each, of the arm.
+    ``arm``, ``velocity``, ``acceleration``: (3,) each, of the arm.
     """
     second: Array = parallel_axis_rates(mass, arm).dot(acceleration)
     second += 2.0 * mass * vech(_row_crosses(np.outer(velocity, velocity)))

@@ -78,12 +78,8 @@ def find_stance(
 ) -> StandingPose:
     """Return the stance of a robot near posture ``q`` (nq,).
 
-    Parameters
-    ----------
-    feet, base:
-        As in :meth:`wbc.robot.Robot.load`.
-    closure:
-        Of the model, to which sole frames are added, and of its loops, which are closed in ``q``.
+    ``feet``, ``base``: as in :meth:`wbc.robot.Robot.load`; ``closure``: of the model, to which sole
+    frames are added, and of its loops, which are closed in ``q``.
     """
     model, notes = closure.model, tuple[str, ...]()
     specs = found.known.feet if found.known else {} if base == "fixed" else None  # None: guess

@@ -32,10 +32,7 @@ def history_columns(
     of all others have a slash, so that ``ignore="*/*"`` skips them. Text is omitted: phases,
     supports and the nearest rows are in an ``.npz`` only.
 
-    Parameters
-    ----------
-    rows:
-        Names of the entries of each task's error, with units, by task.
+    ``rows``: names of the entries of each task's error, with units, by task.
     """
     return [
         ("time [s]", history.time),

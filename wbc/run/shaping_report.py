@@ -123,10 +123,7 @@ def relative_error(task: InertiaTask | PrincipalInertiaTask, error: Array) -> fl
 
     Infinite for a target of zero.
 
-    Parameters
-    ----------
-    error:
-        Error (k,) that the task reports.
+    ``error``: error (k,) that the task reports.
     """
     if isinstance(task, PrincipalInertiaTask):
         target = task.selection[0, 0] * task.target

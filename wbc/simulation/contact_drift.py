@@ -18,10 +18,7 @@ from wbc.validate import Array
 class ContactDrift:
     """Subtracts J' q' from the reference accelerations of contacts, before MuJoCo solves.
 
-    Parameters
-    ----------
-    model:
-        MuJoCo's own.
+    ``model``: MuJoCo's own.
     """
 
     def __init__(self, model: Any) -> None:

@@ -41,10 +41,7 @@ def check_state(
 ) -> None:
     """Raise an error for MuJoCo's warnings since the reset, and for unusable states.
 
-    Parameters
-    ----------
-    coordinates, velocities:
-        Joint of each entry of ``qpos`` and ``qvel``.
+    ``coordinates``, ``velocities``: joint of each entry of ``qpos`` and ``qvel``.
     """
     if data.warning.number.any():
         _raise_warnings(mujoco, data, coordinates, velocities)

@@ -62,10 +62,8 @@ def write_mcap(
     axes [N, N m], and ``/cop`` [m]. What is not finite is null. The problem's text is attached, the
     summary is metadata.
 
-    Parameters
-    ----------
-    simulation:
-        Arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes them.
+    ``simulation``: arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes
+    them.
 
     Raises
     ------

@@ -76,11 +76,8 @@ def board_surfaces(
 ) -> list[Triangles]:
     """Return the triangles of the steps and walls of a terrain, in world axes.
 
-    Parameters
-    ----------
-    around, reach:
-        A place (2,) or (3,) and how far from it [m], along the axes of each step: only what is in
-        there is returned.
+    ``around``, ``reach``: a place (2,) or (3,) and how far from it [m], along the axes of each
+    step: only what is in there is returned.
     """
     parts = [_within(step, around[:2], reach) for step in terrain.steps]
     parts += [_wall(wall, around[:2], reach) for wall in terrain.walls]
@@ -119,10 +116,7 @@ def simplified(mesh: Mesh, cell: float) -> Mesh:
     No corner moves farther than the cell's diagonal. Triangles that lose their area are left out;
     a mesh of which nothing would be left stays as it is.
 
-    Parameters
-    ----------
-    cell:
-        Side of the grid's cells [m].
+    ``cell``: side of the grid's cells [m].
     """
     cells = np.floor(mesh.vertices / cell).astype(np.int64)
     _, group, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)

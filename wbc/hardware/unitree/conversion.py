@@ -26,12 +26,7 @@ WXYZ, XYZW = [3, 0, 1, 2], [1, 2, 3, 0]
 class Converter:
     """Converts the messages of one robot; joints are in the order of its model.
 
-    Parameters
-    ----------
-    profile:
-        Of the robot on the bus.
-    robot:
-        Its model.
+    ``profile``: of the robot on the bus; ``robot``: its model.
 
     Raises
     ------

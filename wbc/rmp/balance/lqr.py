@@ -150,10 +150,8 @@ _REACTION = np.array((1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 def riccati_gain(A: Array, B: Array, errors: Array, efforts: Array) -> tuple[Array, Array]:
     """Return (K, P) of the regulator of x' = A x + B u, weighted by Bryson's rule.
 
-    Parameters
-    ----------
-    errors, efforts:
-        Largest states and inputs wanted, > 0: Q = diag(1 / errors^2), R = diag(1 / efforts^2).
+    ``errors``, ``efforts``: largest states and inputs wanted, > 0: Q = diag(1 / errors^2), R =
+    diag(1 / efforts^2).
     """
     if errors.min() <= 0.0 or efforts.min() <= 0.0:
         raise InvalidInputError("lqr: errors and efforts must be positive")

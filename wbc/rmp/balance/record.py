@@ -147,10 +147,7 @@ class Simulation:
 def ground_push(model: Pendulum, states: Array, inputs: Array) -> tuple[Array, Array]:
     """Return the true CoP (n, 1 or 2) [m], NaN where the ground does not push, and f_r [N].
 
-    Parameters
-    ----------
-    states, inputs:
-        (q, v) (n, nq + nv) and (CoP acceleration, f) (n, nv).
+    ``states``, ``inputs``: (q, v) (n, nq + nv) and (CoP acceleration, f) (n, nv).
     """
     nq, nv = len(model.Q), len(model.V)
     if not len(states):

@@ -36,10 +36,7 @@ def split_rows(found: Array) -> tuple[Array, Array, Array]:
 class ShapePairs:
     """Pairs of bodies, and the distances between their shapes.
 
-    Parameters
-    ----------
-    pairs:
-        (N, 2) indices of bodies, none of which is a half-space.
+    ``pairs``: (N, 2) indices of bodies, none of which is a half-space.
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index) -> None:
@@ -111,10 +108,7 @@ def _geometry(body: Body) -> tuple[coal.ShapeBase, pin.SE3]:
 class RawPairs:
     """The raw shapes (meshes) of pairs of bodies, which fitted ones exceed, maybe by centimetres.
 
-    Parameters
-    ----------
-    bodies, pairs:
-        As a :class:`~wbc.robot.collision.CollisionModel` has them.
+    ``bodies``, ``pairs``: as a :class:`~wbc.robot.collision.CollisionModel` has them.
     """
 
     def __init__(self, robot: Robot, bodies: Sequence[Body], pairs: Index) -> None:

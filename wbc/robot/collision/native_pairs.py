@@ -129,12 +129,8 @@ class NativePairs:
     ) -> SoonestPairs | None:
         """Return the ``count`` pairs of least clearance after braking; None: as nearest.
 
-        Parameters
-        ----------
-        kept:
-            (N,) least distances [m].
-        twists:
-            (6, bodies) velocities at the world's origin [m/s] and spins [rad/s].
+        ``kept``: (N,) least distances [m]; ``twists``: (6, bodies) velocities at the world's origin
+        [m/s] and spins [rad/s].
         """
         bodies, pairs = self.counts
         scratch, found = np.empty(10 * (bodies + pairs)), np.empty((8, count))

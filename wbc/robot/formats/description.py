@@ -58,13 +58,8 @@ def confirm(
 ) -> None:
     """Compare Pinocchio's model with an independent reading of the file.
 
-    Parameters
-    ----------
-    masses:
-        What each moving joint in the file carries up to the next ones [kg], by its name, ``""`` for
-        the root.
-    joints:
-        Names of the moving joints in the file.
+    ``masses``: what each moving joint in the file carries up to the next ones [kg], by its name,
+    ``""`` for the root; ``joints``: names of the moving joints in the file.
     """
     if lost := sorted({*joints} - {*model.names}):
         raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
@@ -167,10 +162,8 @@ def lock_joints(
 
     A joint that follows a locked one is locked too. Couplings name drivers that follow none.
 
-    Parameters
-    ----------
-    locked:
-        Joint name or pattern to the value [rad or m] at which it is held; later entries win.
+    ``locked``: joint name or pattern to the value [rad or m] at which it is held; later entries
+    win.
 
     Raises
     ------

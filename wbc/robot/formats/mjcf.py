@@ -38,10 +38,7 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Description:
     """Return the description of one robot; a free joint is given to it if the file has none.
 
-    Parameters
-    ----------
-    source, path, root:
-        See :func:`wbc.robot.formats.mjcf_compile.compile_mjcf`.
+    ``source``, ``path``, ``root``: see :func:`wbc.robot.formats.mjcf_compile.compile_mjcf`.
 
     Raises
     ------

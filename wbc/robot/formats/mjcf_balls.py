@@ -26,10 +26,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     Balls that let the root float, together with three slides, are kept; so are those with further
     joints on their body, which are refused later.
 
-    Parameters
-    ----------
-    spec:
-        What ``model`` was compiled from; it is changed.
+    ``spec``: what ``model`` was compiled from; it is changed.
     """
     balls = [
         (body, joint)

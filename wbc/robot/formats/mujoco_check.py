@@ -40,10 +40,7 @@ def compare_with_mujoco(part: RobotPart, tree: pin.Model) -> None:
 def compare_motion(part: RobotPart, tree: pin.Model, base: pin.SE3) -> None:
     """Compare frames and mass matrices at three postures.
 
-    Parameters
-    ----------
-    base:
-        Where the tree's base is, unless it floats in both.
+    ``base``: where the tree's base is, unless it floats in both.
 
     Raises
     ------

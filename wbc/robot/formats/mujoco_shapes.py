@@ -94,10 +94,7 @@ def read_shapes(
 ) -> tuple[MujocoGeometry, tuple[str, ...]]:
     """Return the shapes of the robot's part, and notes of what is left out.
 
-    Parameters
-    ----------
-    missing_shapes:
-        Shapes that collide and were not found, in words.
+    ``missing_shapes``: shapes that collide and were not found, in words.
     """
     types, model, names = part.mujoco.mjtGeom, part.model, part.names
     kinds = {

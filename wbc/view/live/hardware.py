@@ -17,10 +17,7 @@ from wbc.view.live.viewer import PERIOD, Viewer
 def watch_loop(robot: Robot, ring: RingLog, port: int | None = None) -> None:
     """Show a loop's log in a browser until the loop's process ends.
 
-    Parameters
-    ----------
-    port:
-        Of the page; by default the first that is free from 8080 on.
+    ``port``: of the page; by default the first that is free from 8080 on.
 
     Raises
     ------

@@ -31,12 +31,7 @@ TITLE = re.compile(rb"<title>[^<]*</title>")
 class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
     """A server that refuses foreign pages, and requests for a public tunnel.
 
-    Parameters
-    ----------
-    title:
-        Of the panel.
-    robot:
-        The robot's name, for the title of the browser's tab.
+    ``title``: of the panel; ``robot``: the robot's name, for the title of the browser's tab.
     """
 
     def __init__(self, host: str, port: int, title: str, robot: str) -> None:

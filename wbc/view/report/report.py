@@ -102,10 +102,7 @@ def write_pendulum_report(
 ) -> Path:
     """Write a pendulum's motion as one HTML file, as :func:`write_report` does a robot's run.
 
-    Parameters
-    ----------
-    summary:
-        As :meth:`wbc.problem.pendulum.result.PendulumResult.summary` returns it.
+    ``summary``: as :meth:`wbc.problem.pendulum.result.PendulumResult.summary` returns it.
 
     Raises
     ------

@@ -24,12 +24,8 @@ KEY = "shift"  # held while dragging: a drag without it turns the camera
 class PushLayer(Layer):
     """An arrow towards the CoM, outside the body: grey as a preview, red while the push acts.
 
-    Parameters
-    ----------
-    offered:
-        A function that returns the push (3,) [N s] that the page's button would apply.
-    largest:
-        Push [N s] that has the longest arrow.
+    ``offered``: a function that returns the push (3,) [N s] that the page's button would apply;
+    ``largest``: push [N s] that has the longest arrow.
     """
 
     label = "Push"
