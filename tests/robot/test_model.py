@@ -12,8 +12,10 @@ import pytest
 
 from tests import urdf
 from tests.standing import sole_corners
+from tests.urdf import joint, link, robot
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
+from wbc.robot.names import matches
 
 Load = Callable[[str], Robot]
 
@@ -96,13 +98,13 @@ def test_a_posture_is_put_on_the_ground(hoap2: Robot) -> None:
 
 
 def test_postures_are_checked(hoap2: Robot) -> None:
-    for joint, value, said in (
+    for name, value, said in (
         ("left_knee_pitch", -1.0, r"'left_knee_pitch': -1 is outside .*\[-0.017"),
         ("head_yaw", np.nan, "'head_yaw': must be finite"),
         ("head_jaw", 0.1, "did you mean 'head_yaw'"),
     ):
         with pytest.raises((InvalidInputError, UnknownNameError), match=said):
-            hoap2.posture(joints={joint: value})
+            hoap2.posture(joints={name: value})
 
 
 def test_postures_are_read_only_and_returned_as_copies(hoap2: Robot) -> None:
@@ -245,3 +247,31 @@ def test_what_is_no_file_and_no_name_is_told_in_short(source: object) -> None:
     with pytest.raises(InvalidInputError, match="expected a file or a name") as error:
         Robot.load(source)  # type: ignore[arg-type]
     assert len(str(error.value)) < 300
+
+
+def two_joints(first: str, second: str) -> str:
+    links = map(link, ("trunk", "upper", "lower"))
+    return robot("arm", *links, joint(first, "trunk", "upper"), joint(second, "upper", "lower"))
+
+
+@pytest.mark.parametrize(("first", "second"), [("j[0]", "j0"), ("j*", "j2"), ("j?", "j1")])
+def test_name_that_would_be_a_pattern_means_its_own_joint_alone(first: str, second: str) -> None:
+    arm = Robot.load(two_joints(first, second))
+    np.testing.assert_array_equal(arm.posture("neutral", {first: 0.3})[7:], [0.3, 0.0])
+    np.testing.assert_array_equal(arm.posture("neutral", {second: 0.3})[7:], [0.0, 0.3])
+    loaded = Robot.load(two_joints(first, second), locked={first: 0.2}, effort={second: 5.0})
+    assert loaded.joint_names == (second,)
+    np.testing.assert_array_equal(loaded.limits.effort, [5.0])
+
+
+def test_pattern_that_is_no_name_matches_as_before() -> None:
+    assert matches("j[01]", ("j0", "j1", "k")) == (0, 1)
+    assert matches("*", ("j0", "j1")) == (0, 1)
+    assert matches("l", ("j0", "j1")) == ()
+
+
+def test_what_the_file_calls_as_the_centre_of_mass_is_told() -> None:
+    """Moments about="com" were about the robot's CoM, and nobody said."""
+    arm = Robot.load(two_joints("j0", "j1").replace('"lower"', '"com"'), base="floating")
+    assert any("'com' means the centre of mass" in note for note in arm.notes)
+    assert not any("'com'" in note for note in Robot.load(two_joints("j0", "j1")).notes)

@@ -1,6 +1,7 @@
 """Tasks that the core works out: derived from, held, changed, or asked of another robot."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from tests.standing import standing
@@ -15,6 +16,7 @@ from wbc.tasks import (
     ComTask,
     CopTask,
     InertiaTask,
+    OrientationTask,
     PoseTask,
     PositionTask,
     PostureTask,
@@ -24,6 +26,8 @@ from wbc.tasks import (
 )
 
 DT = 0.002
+FRAME = "left_hand"
+DAMPING = 1e-6
 
 
 @pytest.fixture
@@ -236,3 +240,32 @@ def test_what_is_of_other_sizes_is_refused(hoap2, here) -> None:
         kkt_residuals(qp, np.zeros(n - 1), none, none, np.zeros(n))
     with pytest.raises(InvalidInputError):
         kkt_residuals(qp._replace(P=np.zeros((1, 1))), np.zeros(n), none, none, np.zeros(n))
+
+
+@pytest.mark.parametrize("short", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_errors_and_rows_next_to_half_a_turn_are_log3(hoap2, rng, short, level) -> None:
+    """About any axis, those of the frame too, by pi less a bit.
+
+    Oracle: Pinocchio's log3, whose angle is an arc cosine there, and the rotation it was made of.
+    """
+    q = hoap2.integrate(hoap2.posture("standing"), 0.1 * rng.normal(size=hoap2.nv), 1.0)
+    here = hoap2.snapshot(q)
+    axes = [*np.eye(3), *-np.eye(3), *rng.normal(size=(4, 3))]
+    for axis in axes:
+        turn = (np.pi - short) * axis / np.linalg.norm(axis)
+        R = here.rotation(FRAME)
+        task = OrientationTask(hoap2, FRAME, R @ pin.exp3(-turn))
+        tick = level(hoap2, [task], contacts=(), damping=DAMPING).step(here)
+        error = tick.errors[task.name]
+        relative = task.target.T @ R
+        # The arc cosine of -1 + 1e-16 is 1e-8 off; the axis is known as well.
+        np.testing.assert_allclose(error, pin.log3(relative), atol=1e-7)
+        # To rounding of the rotations; beside an axis it is halved where it is squared.
+        np.testing.assert_allclose(error, turn, atol=1e-12)
+        own = here.rotation(FRAME).T @ here.jacobian(FRAME)[3:]
+        J = pin.Jlog3(relative) @ own
+        expected = J.T @ J + DAMPING * np.eye(hoap2.nv)
+        P = tick.qp.P[: hoap2.nv, : hoap2.nv]
+        np.testing.assert_allclose(P, expected, atol=1e-6 * np.abs(expected).max())
+        assert np.isfinite(tick.velocity).all()
