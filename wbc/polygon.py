@@ -90,10 +90,8 @@ def checked_polygon(polygon: ArrayLike) -> Array:
 def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
     """Return outward unit normals (k, 2) and offsets (k,) [m]: inside is normals @ p <= offsets.
 
-    Raises
-    ------
-    InvalidInputError
-        No polygon with an inside: fewer than three corners, or not convex and anticlockwise.
+    Raises InvalidInputError: no polygon with an inside: fewer than three corners, or not convex and
+    anticlockwise.
     """
     return _half_planes(checked_polygon(polygon))
 

@@ -75,10 +75,7 @@ def write_pickled(path: str | Path, kind: str, content: Any) -> None:
 def kind_of(path: str | Path) -> str | None:
     """Return the kind that a file declares, or None if it is not such a file.
 
-    Raises
-    ------
-    OSError
-        It cannot be read.
+    Raises OSError: it cannot be read.
     """
     with open(path, "rb") as file:
         head = _head(file.readline(2000))
@@ -92,13 +89,8 @@ def read_pickled(
 
     ``code``: a Python file that defines classes of yours which are in it; it is run.
 
-    Raises
-    ------
-    InvalidInputError
-        Not such a file, damaged, of a version that this one cannot read, or it names code that is
-        neither the package's nor in ``code``.
-    OSError
-        It cannot be read.
+    Raises InvalidInputError: not such a file, damaged, of a version that this one cannot read, or
+    it names code that is neither the package's nor in ``code``; OSError: it cannot be read.
     """
     check_path("file to read", path)
     head_line, _, packed = Path(path).read_bytes().partition(b"\n")

@@ -56,10 +56,8 @@ def real_array(what: str, value: Any) -> Array:
     For input of several shapes: look at the shape of this, np.shape raises ValueError at ragged
     lists.
 
-    Raises
-    ------
-    InvalidInputError
-        Not real numbers: ragged lists, words (numerals too), dates, objects, complex numbers.
+    Raises InvalidInputError: not real numbers: ragged lists, words (numerals too), dates, objects,
+    complex numbers.
     """
     check_unmasked(what, value)
     try:
@@ -111,11 +109,8 @@ def answer_of(asked: object, method: str, call: Callable[..., Any], *given: Any)
 def returned_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
     """Return the result of a user's function as a fresh float array of the given shape.
 
-    Raises
-    ------
-    InvalidInputError
-        As :func:`finite_array`, and for arrays of objects and ``np.matrix``, whose products and
-        rows are others than arrays'.
+    Raises InvalidInputError: as :func:`finite_array`, and for arrays of objects and ``np.matrix``,
+    whose products and rows are others than arrays'.
     """
     if isinstance(value, np.matrix) or _kind(value) not in "iuf":
         kind = type(value).__name__
@@ -134,11 +129,8 @@ def finite_array(
 ) -> Array:
     """Return ``value`` as a fresh float array of the given shape, every entry finite.
 
-    Raises
-    ------
-    InvalidInputError
-        Not real numbers, of another size, or holding NaN, infinity or an entry beyond ``largest``;
-        the message names the entries.
+    Raises InvalidInputError: not real numbers, of another size, or holding NaN, infinity or an
+    entry beyond ``largest``; the message names the entries.
     """
     plain = plain_copy(value, shape, largest)
     if plain is not None:
@@ -227,10 +219,8 @@ def list_of(what: str, value: Any, kind: type[Part], example: str) -> tuple[Part
 
     ``example``: one of them in Python, for the message.
 
-    Raises
-    ------
-    InvalidInputError
-        Something else: one part, names, settings that are not made a part yet.
+    Raises InvalidInputError: something else: one part, names, settings that are not made a part
+    yet.
     """
     wanted = f"{what}: expected a list of {kind.__name__} objects, such as [{example}]"
     if not isinstance(value, Iterable) or isinstance(value, str | Mapping):

@@ -27,12 +27,8 @@ class Cluster:
     ``address``: such as ``tcp://10.0.0.1:8786``; ``on_death``: told of every worker that is gone,
     once for each run that it was last seen with.
 
-    Raises
-    ------
-    MissingPackageError
-        Dask distributed is not installed.
-    WbcError
-        No scheduler is there, it has no workers, or one has other versions than this process.
+    Raises MissingPackageError: Dask distributed is not installed; WbcError: no scheduler is there,
+    it has no workers, or one has other versions than this process.
     """
 
     def __init__(self, address: str, on_death: Callable[[Death], object] | None = None) -> None:

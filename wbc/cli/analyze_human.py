@@ -22,10 +22,8 @@ WORST = 4  # markers that are named
 def is_human(motion: Path, robot: str | None, options: HumanOptions) -> bool:
     """Return whether a recording is a human's.
 
-    Raises
-    ------
-    InvalidInputError
-        A human's with a robot, or a robot's without one, or with a human's options.
+    Raises InvalidInputError: a human's with a robot, or a robot's without one, or with a human's
+    options.
     """
     from wbc.human import is_human_recording
 

@@ -32,10 +32,7 @@ def doctor() -> None:
 def core_lines() -> list[str]:
     """Return the compiled core's path, and its difference from Pinocchio on a robot.
 
-    Raises
-    ------
-    ModelError
-        Too far.
+    Raises ModelError: too far.
     """
     from wbc.native import _core
     from wbc.robot import Robot

@@ -136,10 +136,7 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command of the line; the package's own errors become a message each.
 
-        Raises
-        ------
-        UsageError
-            Typer's own, which typer tells; what to write is in its message.
+        Raises UsageError: Typer's own, which typer tells; what to write is in its message.
         """
         with errors_in_one_line():
             try:

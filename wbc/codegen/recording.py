@@ -120,11 +120,8 @@ def record(problem: Problem, ticks: int) -> TickRecording:
 def check_kind(problem: Problem) -> None:
     """Refuse problems that no single controller solves.
 
-    Raises
-    ------
-    CodegenError
-        A walk, phases, hands that lean, a law with two gains, a search, the pseudo-inverse, or
-        wrenches that the controller is told of.
+    Raises CodegenError: a walk, phases, hands that lean, a law with two gains, a search, the
+    pseudo-inverse, or wrenches that the controller is told of.
     """
     spec = problem.spec
     reason = None

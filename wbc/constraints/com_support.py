@@ -118,12 +118,7 @@ def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
 
     ``feet``: feet that stand, such as ``("left", "right")``.
 
-    Raises
-    ------
-    UnknownNameError
-        The robot has no such foot.
-    InvalidInputError
-        No feet at all.
+    Raises UnknownNameError: the robot has no such foot; InvalidInputError: no feet at all.
     """
     check_snapshot("support polygon", snapshot)
     robot = snapshot.robot

@@ -46,10 +46,7 @@ def cutting_planes_of(
 def check_rows(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
     """Evaluate a constraint again and check its rows.
 
-    Raises
-    ------
-    InvalidInputError
-        As :func:`bounds_of` does; also of constraints of this package.
+    Raises InvalidInputError: as :func:`bounds_of` does; also of constraints of this package.
     """
     _checked(constraint, "rows", answer_of(constraint, "rows", constraint.rows, snapshot, dt))
 

@@ -146,10 +146,7 @@ def move_joints(
 
     A joint should move in the direction of its command, and no other one with it.
 
-    Raises
-    ------
-    WbcError
-        The safety layer stopped the motion; the message says why.
+    Raises WbcError: the safety layer stopped the motion; the message says why.
     """
     mover = _Mover(bus, safety, SensorChecks(robot), gains)
     found = list[CheckFinding]()

@@ -118,10 +118,7 @@ def motions_of(robot: Robot, profile: Profile, path: CrouchPath) -> Motions:
 def estimator_of(name: str, robot: Robot, imu: ImuMount) -> BaseEstimator:
     """Return an estimator by its name, for readings of an IMU.
 
-    Raises
-    ------
-    UnknownNameError
-        No such estimator.
+    Raises UnknownNameError: no such estimator.
     """
     return ESTIMATORS[one_of("estimator", name, list(ESTIMATORS))](robot, imu)
 
@@ -186,10 +183,7 @@ def loop_of(
 def omissions(problem: Problem, profile: Profile) -> list[str]:
     """Return what of a robot and its problem is not used on this bus, in words.
 
-    Raises
-    ------
-    InvalidInputError
-        A joint of the robot has no motor there.
+    Raises InvalidInputError: a joint of the robot has no motor there.
     """
     robot, notes = problem.parts.robot, list[str]()
     profile.order(robot)

@@ -33,10 +33,8 @@ def read_c3d(path: Path) -> MarkerRecording:
 
     Intel, DEC and MIPS; integers and floats; plates of types 1 to 4.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, not such a file, or one whose header, parameters and data contradict each other.
+    Raises RecordingError: unreadable, not such a file, or one whose header, parameters and data
+    contradict each other.
     """
     source = str(path)
     file = read_c3d_head(read_bytes(path), source)

@@ -70,10 +70,7 @@ class C3dFile:
 def read_c3d_head(data: bytes, source: str) -> C3dFile:
     """Return header and parameters of a C3D file.
 
-    Raises
-    ------
-    RecordingError
-        Too short, not a C3D file, or a parameter that does not fit.
+    Raises RecordingError: too short, not a C3D file, or a parameter that does not fit.
     """
     if len(data) < 2 * BLOCK or data[1] != MARK:
         raise RecordingError("it does not begin as a C3D file does", source)

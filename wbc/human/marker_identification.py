@@ -112,10 +112,8 @@ def rotate_z_up(
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
     """Return the recording with z up, and a note if the axis was found, or seems not to be up.
 
-    Raises
-    ------
-    RecordingError
-        The vector from feet to trunk is along none of the axes; or left and right are exchanged.
+    Raises RecordingError: the vector from feet to trunk is along none of the axes; or left and
+    right are exchanged.
     """
     axis = up if up is not None else recording.up
     high = _mean_position(recording, markers, lambda mark: mark.segment in BODY)

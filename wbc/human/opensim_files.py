@@ -25,10 +25,7 @@ def read_trc(path: Path) -> MarkerRecording:
 
     Empty cells, and markers at exactly (0, 0, 0), count as not seen.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, no such header, an unknown unit, or a row that does not fit.
+    Raises RecordingError: unreadable, no such header, an unknown unit, or a row that does not fit.
     """
     source, lines = str(path), read_text(path, strict=False).splitlines()
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
@@ -105,10 +102,8 @@ def read_plates(path: Path) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
     noted), in N, m and N m, or in mm and N mm, as OpenSim's reader of C3D files gives them. Points
     and torques of an unloaded plate may be missing.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, no such header, no forces, a force without its point, or missing numbers.
+    Raises RecordingError: unreadable, no such header, no forces, a force without its point, or
+    missing numbers.
     """
     source, lines = str(path), read_text(path, strict=False).splitlines()
     end = next((k for k, line in enumerate(lines[:200]) if line.strip() == "endheader"), None)

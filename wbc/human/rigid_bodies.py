@@ -53,11 +53,8 @@ def read_rigid_bodies(path: Path) -> MarkerRecording:
     Bodies are identified by name, as joints of a BVH, and their origins are taken for the joints'
     centres. Empty cells are gaps.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, none of these layouts, rotations that are no quaternions of the world's axes, an
-        unknown unit, or no human's bodies.
+    Raises RecordingError: unreadable, none of these layouts, rotations that are no quaternions of
+    the world's axes, an unknown unit, or no human's bodies.
     """
     source = str(path)
     lines = read_text(path, strict=False).splitlines()

@@ -53,10 +53,7 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
 
     ``stature``: of the bones [m].
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, without these arrays, or of other shapes.
+    Raises RecordingError: unreadable, without these arrays, or of other shapes.
     """
     source = str(path)
     _, stature = check_build(None, stature)

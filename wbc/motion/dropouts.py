@@ -196,10 +196,7 @@ def missing_frames(time: Array) -> list[int]:
 def insert_rows(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
     """Return times and values with rows of NaN after rows ``gaps``, a median step apart.
 
-    Raises
-    ------
-    InvalidInputError
-        More rows than can be handled.
+    Raises InvalidInputError: more rows than can be handled.
     """
     if not gaps:
         return time, values

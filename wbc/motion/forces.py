@@ -23,10 +23,7 @@ PREFIX = "forces/"
 class MeasuredForces:
     """Wrenches of the ground on the feet.
 
-    Raises
-    ------
-    InvalidInputError
-        Arrays of other shapes, or not finite.
+    Raises InvalidInputError: arrays of other shapes, or not finite.
     """
 
     time: Array  # (n,) [s], increasing

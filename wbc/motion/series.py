@@ -51,10 +51,7 @@ _COLUMNS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 def series_format(path: str | Path) -> str:
     """Return the ending of a series' file.
 
-    Raises
-    ------
-    InvalidInputError
-        Neither ``.npz`` nor ``.csv``.
+    Raises InvalidInputError: neither ``.npz`` nor ``.csv``.
     """
     expected = "a series is written as .npz (everything) or .csv (the pendulum)"
     return ending_of(path, FORMATS, expected)

@@ -123,10 +123,7 @@ def read_text(path: Path, strict: bool = True) -> str:
 def read_bytes(path: Path) -> bytes:
     """Return the bytes of a file.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable or too large.
+    Raises RecordingError: unreadable or too large.
     """
     check_file(path)
     try:
@@ -140,10 +137,7 @@ def read_recorded(
 ) -> dict[str, NDArray[Any]]:
     """Return some arrays of an NPZ file; see :func:`wbc.files.read_arrays`.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable or too large, or arrays of another kind.
+    Raises RecordingError: unreadable or too large, or arrays of another kind.
     """
     try:
         return read_arrays(path, pick, kinds, MAX_BYTES)
@@ -178,11 +172,8 @@ def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
 
     ``usual``: column names of a file that has as many columns without names.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable or too large, no rows, no names, a row of another length, a cell that is not a
-        number, or a column name that is there twice.
+    Raises RecordingError: unreadable or too large, no rows, no names, a row of another length, a
+    cell that is not a number, or a column name that is there twice.
     """
     source, text = str(path), read_text(path)
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
@@ -278,10 +269,8 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
 
     ``configuration``: names of the columns of ``q``.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable or too large, arrays of other shapes or not of numbers, or no rows.
+    Raises RecordingError: unreadable or too large, arrays of other shapes or not of numbers, or no
+    rows.
     """
     check_file(path)
     source = str(path)

@@ -165,10 +165,7 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
 def hand_support(spec: ProblemSpec, parts: Parts, controller: Controller) -> HandSupport | None:
     """Return the support of hands on walls, with a controller for it; None if there are no hands.
 
-    Raises
-    ------
-    WbcError
-        A problem without walls, or of the velocity level, or walls out of reach.
+    Raises WbcError: a problem without walls, or of the velocity level, or walls out of reach.
     """
     if spec.hands is None:
         return None

@@ -65,10 +65,7 @@ class Surroundings:
     def constraints_at(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Constraint]:
         """Return the constraints while ``contacts`` are held, from ``snapshot`` on.
 
-        Raises
-        ------
-        InvalidInputError
-            A margin that leaves nothing of a support polygon.
+        Raises InvalidInputError: a margin that leaves nothing of a support polygon.
         """
         found = list[Constraint]()
         for name, built in self.constraints.items():

@@ -49,10 +49,8 @@ class Mistakes:
     def require(self, path: KeyPath, make: Callable[[], T]) -> T:
         """Return the result of ``make`` for the value at ``path``.
 
-        Raises
-        ------
-        ProblemFileError
-            It failed, or there was a mistake before: nothing can be built without it.
+        Raises ProblemFileError: it failed, or there was a mistake before: nothing can be built
+        without it.
         """
         try:
             made = make()

@@ -162,11 +162,8 @@ def _motion(
 ) -> MotionReference:
     """Return the motion that a problem's tasks follow.
 
-    Raises
-    ------
-    WbcError
-        No such motion, one of another robot, on other feet or longer than the run, or one that does
-        not begin where the robot starts.
+    Raises WbcError: no such motion, one of another robot, on other feet or longer than the run, or
+    one that does not begin where the robot starts.
     """
     from wbc.retargeting.reference import MotionReference  # only now: it loads SciPy
     from wbc.retargeting.standing import StandingMotion
@@ -194,11 +191,8 @@ def _reference(
 ) -> PlanReference:
     """Return the plan that a problem's tasks follow.
 
-    Raises
-    ------
-    WbcError
-        No such plan, one that is not for this robot or longer than the run, or that flies where no
-        phase lets go of the ground.
+    Raises WbcError: no such plan, one that is not for this robot or longer than the run, or that
+    flies where no phase lets go of the ground.
     """
     feet = held_feet(contacts)
     if not feet:
@@ -221,10 +215,7 @@ def _reference(
 def read_plan(path: Path) -> Plan:
     """Return the plan of a .npz file, or of a problem file that describes one, which is solved.
 
-    Raises
-    ------
-    WbcError
-        No such file, nothing about a plan, or a plan that does not exist.
+    Raises WbcError: no such file, nothing about a plan, or a plan that does not exist.
     """
     if path.suffix not in (".yaml", ".yml"):
         from wbc.rmp.plan import load_plan  # only now: it loads CasADi

@@ -282,10 +282,7 @@ def load_problem(
 def problem_of(source: Source, overrides: Mapping[str, Any]) -> Problem | PendulumProblem:
     """Return the problem of a file that was read; see :func:`load_problem`.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake found.
+    Raises ProblemFileError: with every mistake found.
     """
     source = apply_overrides(source, overrides)
     if isinstance(source.data, dict) and "model" in source.data:
@@ -335,12 +332,7 @@ def load_same_text(
 ) -> Problem | PendulumProblem:
     """Load a problem in a worker process, if its file still has the same ``text``.
 
-    Raises
-    ------
-    ProblemFileError
-        As :func:`load_problem` does.
-    InvalidInputError
-        The file has changed.
+    Raises ProblemFileError: as :func:`load_problem` does; InvalidInputError: the file has changed.
     """
     problem = load_problem(path, overrides)
     if problem.source.text != text:

@@ -37,12 +37,8 @@ class PushSettings:
 class PushedProblem:
     """Tries pushes on a problem; the pushes of its own are left out.
 
-    Raises
-    ------
-    InvalidInputError
-        A problem that is not of the torque level, does not begin on feet, or ends before the push.
-    UnknownNameError
-        No such body.
+    Raises InvalidInputError: a problem that is not of the torque level, does not begin on feet, or
+    ends before the push; UnknownNameError: no such body.
     """
 
     def __init__(self, problem: Problem, settings: PushSettings) -> None:
@@ -157,10 +153,7 @@ class LoadPushed:
     def __call__(self) -> PushedProblem:
         """Return the problem, ready to be pushed.
 
-        Raises
-        ------
-        WbcError
-            It cannot be pushed, or the file has changed.
+        Raises WbcError: it cannot be pushed, or the file has changed.
         """
         problem = load_same_text(self.path, self.overrides, self.text)
         if not isinstance(problem, Problem):

@@ -62,10 +62,7 @@ class RetargetSpec(Section):
 def load_retarget(path: str | Path) -> dict[str, Any]:
     """Return a file's values by the command's parameters; relative paths are of its folder.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake that was found: file, line and key path.
+    Raises ProblemFileError: with every mistake that was found: file, line and key path.
     """
     path = Path(path)
     spec = read_section(RetargetSpec, read_source(path, "'motion:' and 'robot:'"))

@@ -58,14 +58,8 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
 
     ``robot``: by default the problem's, whose text is in the file.
 
-    Raises
-    ------
-    InvalidInputError
-        Not such a file, or for another robot.
-    ProblemFileError
-        The problem's text names no robot that can be loaded.
-    ModelError
-        The robot's files are not there any more.
+    Raises InvalidInputError: not such a file, or for another robot; ProblemFileError: the problem's
+    text names no robot that can be loaded; ModelError: the robot's files are not there any more.
     """
     path = Path(path)
     # Check the format first, so that other files are not reported as damaged.

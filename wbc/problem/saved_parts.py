@@ -116,10 +116,7 @@ class _Summary(_Part):
 def read_summary(path: Path, text: str, formats: Collection[str]) -> dict[str, Any]:
     """Return the summary in a result's file, which must have one of the given formats.
 
-    Raises
-    ------
-    InvalidInputError
-        Not JSON, or entries of the wrong type: all are named.
+    Raises InvalidInputError: not JSON, or entries of the wrong type: all are named.
     """
     try:
         summary = json.loads(text)
@@ -145,10 +142,8 @@ def read_summary(path: Path, text: str, formats: Collection[str]) -> dict[str, A
 def check_arrays(path: Path, robot: Robot, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Refuse arrays of a run, or a simulation, that do not fit the robot and each other.
 
-    Raises
-    ------
-    InvalidInputError
-        The first that is missing, not of its shape, or has numbers that no run has.
+    Raises InvalidInputError: the first that is missing, not of its shape, or has numbers that no
+    run has.
     """
     for name in REQUIRED:
         if name not in arrays:

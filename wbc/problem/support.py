@@ -131,12 +131,7 @@ def contacts_of(
 
     ``friction``: of contacts without their own.
 
-    Raises
-    ------
-    UnknownNameError
-        No such foot or frame.
-    Misplaced
-        A frame named twice.
+    Raises UnknownNameError: no such foot or frame; Misplaced: a frame named twice.
     """
     if spec is None or isinstance(spec, str):
         return support(snapshot, spec or "floating", friction=friction)

@@ -64,10 +64,7 @@ class TaskSpec(Section):
     def check_change(self, before: Self) -> None:
         """Raise an error if a phase changes what it cannot change of the task ``before``.
 
-        Raises
-        ------
-        Misplaced
-            Such a change.
+        Raises Misplaced: such a change.
         """
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:

@@ -193,10 +193,7 @@ class WalkSpec(ProblemSpec):
 def read_problem(source: Source) -> ProblemSpec:
     """Return what a robot's problem says: that of a walk if there is a ``gait``.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake found.
+    Raises ProblemFileError: with every mistake found.
     """
     walks = isinstance(source.data, dict) and "gait" in source.data
     return read_section(WalkSpec if walks else ProblemSpec, source)
@@ -205,10 +202,7 @@ def read_problem(source: Source) -> ProblemSpec:
 def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
     """Return a walker at the start, with the problem's tasks, limits and constraints.
 
-    Raises
-    ------
-    WbcError
-        A robot that cannot walk, or settings that do not fit it.
+    Raises WbcError: a robot that cannot walk, or settings that do not fit it.
     """
     start = parts.at_start
     for one in parts.targeted:

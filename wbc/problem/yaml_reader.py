@@ -57,10 +57,7 @@ _STAR = re.compile(r"(?:^|[\s{\[,])\*\w")
 def read_source(path: Path, keys: str = "'robot:' and 'tasks:'") -> Source:
     """Read a problem file, or another that needs at least ``keys``; ``-`` is stdin.
 
-    Raises
-    ------
-    ProblemFileError
-        Missing, unreadable, too large, not UTF-8, not YAML, or not a mapping.
+    Raises ProblemFileError: missing, unreadable, too large, not UTF-8, not YAML, or not a mapping.
     """
     name = STDIN if path == DASH else str(path)
     source = parse(_text_of(path, name), name)
@@ -118,10 +115,7 @@ def _similar_file(path: Path) -> str:
 def parse(text: str, name: str) -> Source:
     """Return the data in YAML ``text``; ``name`` is what messages call it.
 
-    Raises
-    ------
-    ProblemFileError
-        Not YAML, or refused as described at the top of this file.
+    Raises ProblemFileError: not YAML, or refused as described at the top of this file.
     """
     try:
         _check_events(text, name)

@@ -41,10 +41,7 @@ class ActiveSet:
     ``eps``: accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`; ``max_iterations``: cap on
     changes of the active set.
 
-    Raises
-    ------
-    InvalidInputError
-        eps or max_iterations out of range.
+    Raises InvalidInputError: eps or max_iterations out of range.
     """
 
     name: str = NAME

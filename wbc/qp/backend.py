@@ -105,12 +105,7 @@ def make_backend(name: str, **settings: Any) -> Backend:
 def backend_of(solver: str | Backend) -> Backend:
     """Return a backend, given by its name or as it is.
 
-    Raises
-    ------
-    UnknownNameError
-        No such solver.
-    InvalidInputError
-        Neither a name nor a backend.
+    Raises UnknownNameError: no such solver; InvalidInputError: neither a name nor a backend.
     """
     if isinstance(solver, str):
         return make_backend(solver)

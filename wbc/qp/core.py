@@ -85,10 +85,7 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
 
     ``give``: (mi,) inverse weights of the rows' slacks, 0 for hard rows; None: all are hard.
 
-    Raises
-    ------
-    InvalidInputError
-        See :func:`wbc.qp.problem.check_qp`.
+    Raises InvalidInputError: see :func:`wbc.qp.problem.check_qp`.
     """
     n, k, m = sizes = qp.g.size, qp.b.size, qp.u.size
     working, places = _sizes(*sizes)

@@ -57,10 +57,7 @@ def human_frames(
 
     Half a period of the cutoff is left out at both ends, unless little would be left.
 
-    Raises
-    ------
-    InvalidInputError
-        A human whose CoM is below its feet, as in a handstand.
+    Raises InvalidInputError: a human whose CoM is below its feet, as in a handstand.
     """
     series = analyze(
         human.motion,

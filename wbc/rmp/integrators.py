@@ -15,10 +15,7 @@ def runge_kutta(model: ReactionMassPendulum, dt: float) -> ca.Function:
     x = (q, v); u = (CoP acceleration, generalised forces), constant through the step. Of SolidRmp's
     quaternion the norm is kept; of energy and momentum nothing.
 
-    Raises
-    ------
-    InvalidInputError
-        ``dt`` is not positive.
+    Raises InvalidInputError: ``dt`` is not positive.
     """
     dt = finite_number("dt", dt, above=0.0)
     x = ca.SX.sym("x", len(model.Q) + len(model.V))

@@ -30,12 +30,8 @@ def set_drives(
 ) -> None:
     """Write given values into ``model``; they override the file's for the joints named.
 
-    Raises
-    ------
-    UnknownNameError
-        No joint matches.
-    InvalidInputError
-        Not a finite number, negative, or an effort of 0.
+    Raises UnknownNameError: no joint matches; InvalidInputError: not a finite number, negative, or
+    an effort of 0.
     """
     names = [str(model.names[j]) for j in range(2, model.njoints) if model.nvs[j] == 1]
     rates = np.array([model.idx_vs[model.getJointId(name)] for name in names], dtype=int)

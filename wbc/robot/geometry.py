@@ -39,10 +39,7 @@ class RobotMeshes:
     The visual shapes, or the collision shapes of a robot that has none. Fully transparent shapes
     and planes are left out.
 
-    Raises
-    ------
-    ModelError
-        A mesh file cannot be read.
+    Raises ModelError: a mesh file cannot be read.
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -170,14 +170,8 @@ def find_robot(source: Any) -> RobotSource:
     A string is taken as XML if it begins with ``<``, as a file if it has a folder in it or a
     file's ending.
 
-    Raises
-    ------
-    UnknownNameError
-        Not a file and not a known name.
-    ModelError
-        The robot is known but its files are not installed.
-    InvalidInputError
-        None of these.
+    Raises UnknownNameError: not a file and not a known name; ModelError: the robot is known but its
+    files are not installed; InvalidInputError: none of these.
     """
     for kind in ("MjModel", "MjSpec"):
         if is_mujoco(source, kind):

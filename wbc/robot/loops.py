@@ -32,12 +32,8 @@ LONGEST_STEP = 0.5  # rad or m: largest motion of a joint in a step
 def loops_of(given: Mapping[str, Loop | Mapping[str, Any] | Sequence[str]]) -> dict[str, Loop]:
     """Return loops by name, from what a user writes: a :class:`Loop`, its fields, or two frames.
 
-    Raises
-    ------
-    InvalidInputError
-        Not two frames, or an unknown key.
-    UnknownNameError
-        Another kind than ``point`` or ``pose``.
+    Raises InvalidInputError: not two frames, or an unknown key; UnknownNameError: another kind than
+    ``point`` or ``pose``.
     """
     return {name: _loop(f"loop {name!r}", one) for name, one in by_name("loops", given).items()}
 
@@ -238,10 +234,7 @@ def gap_of(frame: FrameState, other: FrameState) -> tuple[Array, Array]:
 def without_motors(names: Sequence[str], given: Sequence[str]) -> tuple[str, ...]:
     """Return the joints that ``given`` names or patterns mean, in order.
 
-    Raises
-    ------
-    UnknownNameError
-        A pattern that matches no joint.
+    Raises UnknownNameError: a pattern that matches no joint.
     """
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise InvalidInputError(f"unactuated: expected a list of joints, got {shown(given)}")
@@ -254,12 +247,8 @@ def loops_within(
 ) -> tuple[dict[str, Loop], tuple[str, ...]]:
     """Return the loops that move after joints were locked, and notes of those that do not.
 
-    Raises
-    ------
-    UnknownNameError
-        A loop of a frame that is not there.
-    InvalidInputError
-        A loop whose frames one body carries, and that is open there.
+    Raises UnknownNameError: a loop of a frame that is not there; InvalidInputError: a loop whose
+    frames one body carries, and that is open there.
     """
     frames, moving, notes = frame_table(model), dict[str, Loop](), list[str]()
     for name, loop in loops.items():

@@ -31,14 +31,8 @@ def from_menagerie(name: str) -> Path:
     Without an entry it is the model of the robot alone. The package's own settings say where files
     are kept (``MENAGERIE_CACHE_DIR``) and of which checkout they are (``MENAGERIE_ROOT``).
 
-    Raises
-    ------
-    MissingPackageError
-        The package is not installed.
-    UnknownNameError
-        No such robot or entry.
-    ModelError
-        It cannot be downloaded.
+    Raises MissingPackageError: the package is not installed; UnknownNameError: no such robot or
+    entry; ModelError: it cannot be downloaded.
     """
     require("mujoco_menagerie", f"robot {name!r}")
     menagerie = _menagerie()

@@ -94,12 +94,8 @@ def _state_posture(
 def set_joints(limits: JointLimits, q: Array, joints: Mapping[str, float]) -> None:
     """Write joint values into ``q``; keys are joint names or patterns such as ``left_*``.
 
-    Raises
-    ------
-    UnknownNameError
-        A key matches no joint.
-    InvalidInputError
-        A value is not finite or outside the joint's limits.
+    Raises UnknownNameError: a key matches no joint; InvalidInputError: a value is not finite or
+    outside the joint's limits.
     """
     for pattern, value in by_name("joints", joints).items():
         for k in matching(pattern, limits.names):

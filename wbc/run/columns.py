@@ -89,10 +89,7 @@ SUMMARY = "wbc.summary"  # key of the JSON text in the file's metadata
 def frame_of(columns: Sequence[Column]) -> Frame:
     """Return columns as a data frame, a row per tick, headers with units.
 
-    Raises
-    ------
-    MissingPackageError
-        pandas is not installed.
+    Raises MissingPackageError: pandas is not installed.
     """
     require("pandas", "result.to_frame()")
     import pandas
@@ -103,12 +100,7 @@ def frame_of(columns: Sequence[Column]) -> Frame:
 def write_parquet(path: str | Path, columns: Sequence[Column], summary: str) -> None:
     """Write columns and a summary's JSON text into a Parquet file, atomically.
 
-    Raises
-    ------
-    MissingPackageError
-        pyarrow is not installed.
-    OSError
-        The file cannot be written.
+    Raises MissingPackageError: pyarrow is not installed; OSError: the file cannot be written.
     """
     require("pyarrow", "a result as .parquet")
     import pyarrow

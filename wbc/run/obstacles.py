@@ -37,12 +37,8 @@ class ObstacleTrack:
     def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> ObstacleTrack:
         """Return the track of :meth:`arrays`.
 
-        Raises
-        ------
-        InvalidInputError
-            An array is not of its shape, or its numbers are not finite.
-        KeyError
-            One is missing.
+        Raises InvalidInputError: an array is not of its shape, or its numbers are not finite;
+        KeyError: one is missing.
         """
         place = np.asarray(arrays[PLACE], dtype=float)
         if place.ndim != 3 or place.shape[1:] != (3, 4):

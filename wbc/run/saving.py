@@ -27,12 +27,8 @@ DIGITS = "%.9g"  # of numbers in a table
 def result_format(path: str | Path) -> str:
     """Return the ending of a result file.
 
-    Raises
-    ------
-    MissingPackageError
-        ``.parquet`` needs pyarrow.
-    InvalidInputError
-        None of ``.json``, ``.npz``, ``.csv`` and ``.parquet``.
+    Raises MissingPackageError: ``.parquet`` needs pyarrow; InvalidInputError: none of ``.json``,
+    ``.npz``, ``.csv`` and ``.parquet``.
     """
     what = "a result is written as .json (summary), .npz (summary and histories), .csv or .parquet"
     ending = ending_of(path, FORMATS, f"{what} (a table with a row per tick)")
@@ -53,12 +49,7 @@ def save_result(
     In an ``.npz`` the entry ``summary`` is the JSON text. A ``.csv`` has its columns' names in the
     first line; a ``.parquet`` has the JSON text in its metadata, ``wbc.summary``.
 
-    Raises
-    ------
-    InvalidInputError
-        Another ending.
-    OSError
-        The file cannot be written.
+    Raises InvalidInputError: another ending; OSError: the file cannot be written.
     """
     match result_format(path):
         case ".npz":

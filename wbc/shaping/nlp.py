@@ -149,10 +149,8 @@ def build_nlp(problem: ShapingProblem, seconds: float | None = None) -> BuiltNlp
     posture. Rows that keep bodies apart are added only when needed: see
     :mod:`~wbc.shaping.separation`.
 
-    Raises
-    ------
-    InvalidInputError
-        A task or a constraint that says nothing about postures, or an obstacle that moves.
+    Raises InvalidInputError: a task or a constraint that says nothing about postures, or an
+    obstacle that moves.
     """
     unknowns = Unknowns.of(problem)
     posture = unknowns.posture

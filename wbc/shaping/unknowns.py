@@ -123,10 +123,7 @@ class ConfigurationMap:
 def _joint_bounds(robot: Robot, limits: Limits) -> tuple[Array, Array]:
     """Return the bounds (nv-6,) on the joints: those of a driver leave its followers in range.
 
-    Raises
-    ------
-    InvalidInputError
-        A driver that no position leaves all its followers in range.
+    Raises InvalidInputError: a driver that no position leaves all its followers in range.
     """
     lower, upper = limits.lower.copy(), limits.upper.copy()
     for follower, driver, coupling in followers(robot):

@@ -85,12 +85,8 @@ class Push:
 def push_point(point: ArrayLike | str | None, body: str, snapshot: Callable[[], Snapshot]) -> Array:
     """Return a push's point of application (3,), in the body's axes from its origin [m].
 
-    Raises
-    ------
-    UnknownNameError
-        A word that is not ``com``.
-    InvalidInputError
-        Not three finite numbers.
+    Raises UnknownNameError: a word that is not ``com``; InvalidInputError: not three finite
+    numbers.
     """
     if point is None:
         return np.zeros(3)

@@ -194,12 +194,7 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
     The arrays of the second and later problems begin with their number: ``2/limit``; so do the
     columns of a table.
 
-    Raises
-    ------
-    InvalidInputError
-        Another ending.
-    OSError
-        The file cannot be written.
+    Raises InvalidInputError: another ending; OSError: the file cannot be written.
     """
     summary: dict[str, Any] = {
         "kind": "push campaign",

@@ -44,10 +44,7 @@ def add_shapes(
 ) -> tuple[Labels, tuple[str, ...]]:
     """Add soles and other shapes; return foot and link by geom, and notes.
 
-    Raises
-    ------
-    ModelError
-        Self-collision of links without shapes.
+    Raises ModelError: self-collision of links without shapes.
     """
     labels, notes = Labels(), list[str]()
     for foot in robot.feet.values():

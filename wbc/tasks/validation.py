@@ -32,11 +32,8 @@ def is_tested(task: Task, method: str) -> bool:
 def residual_of(task: Task, snapshot: Snapshot) -> Residual:
     """Return the residual of a task.
 
-    Raises
-    ------
-    InvalidInputError
-        A task of one's own returns something else, or of other shapes than its rows and the
-        robot's nv say; the message names task and field.
+    Raises InvalidInputError: a task of one's own returns something else, or of other shapes than
+    its rows and the robot's nv say; the message names task and field.
     """
     own = task.__dict__
     if task._tested and "residual" not in own:
@@ -88,10 +85,7 @@ def deviation_of(task: Task, snapshot: Snapshot, residual: Residual) -> Array:
 def check_residual(task: Task, snapshot: Snapshot) -> None:
     """Ask a task again, and look at all that it returns.
 
-    Raises
-    ------
-    InvalidInputError
-        As :func:`residual_of` does; also of tasks of this package.
+    Raises InvalidInputError: as :func:`residual_of` does; also of tasks of this package.
     """
     _checked(task, answer_of(task, "residual", task.residual, snapshot))
 

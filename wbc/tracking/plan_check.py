@@ -62,12 +62,8 @@ def check_plan(plan: Plan, start: Snapshot, feet: Iterable[str], *, flights: boo
 def sole_polygon(start: Snapshot, feet: Iterable[str]) -> Array:
     """Return the hull of soles (k, 2) [m] that are on the ground z = 0.
 
-    Raises
-    ------
-    InvalidInputError
-        They are not on the ground, or there are none.
-    UnknownNameError
-        The robot has no such foot.
+    Raises InvalidInputError: they are not on the ground, or there are none; UnknownNameError: the
+    robot has no such foot.
     """
     feet = names_of("plan, feet", feet)
     polygon = support_polygon(start, feet)

@@ -65,14 +65,8 @@ def write_mcap(
     ``simulation``: arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes
     them.
 
-    Raises
-    ------
-    InvalidInputError
-        Another ending.
-    MissingPackageError
-        The package mcap is not installed.
-    OSError
-        The file cannot be written.
+    Raises InvalidInputError: another ending; MissingPackageError: the package mcap is not
+    installed; OSError: the file cannot be written.
     """
     mcap_format(path)
     snapshots = [robot.snapshot(q) for q in history.q]
@@ -86,10 +80,7 @@ def write_retargeted(motion: Retargeted, path: str | Path) -> Path:
     Topics as of :func:`write_mcap` where it has them, forces at the feet by name; besides
     ``/human/com`` [m] and ``/human/angular_momentum`` [kg m^2/s], scaled to the robot.
 
-    Raises
-    ------
-    InvalidInputError, MissingPackageError, OSError
-        See :func:`write_mcap`.
+    Raises InvalidInputError, MissingPackageError, OSError: see :func:`write_mcap`.
     """
     mcap_format(path)
     robot, targets = motion.robot, motion.targets

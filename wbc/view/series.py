@@ -36,10 +36,7 @@ class Series:
 def error_series(errors: Mapping[str, ArrayLike], count: int) -> list[Series]:
     """Return the norm of each task's error over ``count`` times.
 
-    Raises
-    ------
-    InvalidInputError
-        Not one row of numbers for each time.
+    Raises InvalidInputError: not one row of numbers for each time.
     """
     looks = cycle([(colour, dashes) for dashes in ("-", "--", ":") for colour in style.SERIES])
     rows = {

@@ -28,10 +28,7 @@ class Converter:
 
     ``profile``: of the robot on the bus; ``robot``: its model.
 
-    Raises
-    ------
-    InvalidInputError
-        A joint of the model has no motor.
+    Raises InvalidInputError: a joint of the model has no motor.
     """
 
     def __init__(self, profile: Profile, robot: Robot) -> None:

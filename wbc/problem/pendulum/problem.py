@@ -71,10 +71,8 @@ class PendulumProblem:
 def load_pendulum(source: Source, overrides: Mapping[str, Any], folder: Path) -> PendulumProblem:
     """Return the checked problem of a source; relative paths start from ``folder``.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake found: file, line, key path, what is wrong and what is valid.
+    Raises ProblemFileError: with every mistake found: file, line, key path, what is wrong and what
+    is valid.
     """
     spec = read_section(PendulumSpec, source)
     return PendulumProblem(source, overrides, spec, _build(spec, folder, Mistakes(source)))

@@ -88,10 +88,7 @@ def build_balance(
 ) -> Balance:
     """Return the simulation that a spec describes.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake found.
+    Raises ProblemFileError: with every mistake found.
     """
     if spec.start is None:
         mistakes.fail((), "a law needs a start, such as start: {leg_length: 0.7, radii: 0.2}")

@@ -54,10 +54,7 @@ def require_support(model: Pendulum, bounds: LawBounds) -> None:
 class SupportFoot:
     """The support polygon of a foot that stays, as a limit on torques about the leg's foot.
 
-    Raises
-    ------
-    InvalidInputError
-        Bounds without a polygon, or with one of the other kind of pendulum.
+    Raises InvalidInputError: bounds without a polygon, or with one of the other kind of pendulum.
     """
 
     def __init__(self, model: Pendulum, bounds: LawBounds) -> None:

@@ -47,11 +47,8 @@ class Lqr:
     percent of the leg for lengths, rates sqrt(g / r_l) times as much; for forces the weight of what
     they move, for torques 0.3 M g r_l.
 
-    Raises
-    ------
-    InvalidInputError
-        No equilibrium with these inputs (the message says what is missing), an unstable mode that
-        no input reaches, or numbers that are unusable.
+    Raises InvalidInputError: no equilibrium with these inputs (the message says what is missing),
+    an unstable mode that no input reaches, or numbers that are unusable.
     """
 
     model: Pendulum

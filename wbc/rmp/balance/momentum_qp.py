@@ -47,10 +47,7 @@ class MomentumWeights:
     open: the CoP costs nothing, so it does what it can; the wheel's return yields to the capture
     point; the height is kept as well as the CoM's place.
 
-    Raises
-    ------
-    InvalidInputError
-        A weight that is not positive.
+    Raises InvalidInputError: a weight that is not positive.
     """
 
     horizontal: float = 1.0

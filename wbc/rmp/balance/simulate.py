@@ -60,10 +60,8 @@ def velocity_jump(model: Pendulum, q: ArrayLike, impulse: ArrayLike) -> Array:
     It solves M dv = J_com^T impulse without the rows and columns of the foot, which the ground
     holds by an impulse of its own.
 
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, not finite, or a configuration where forces have no inertia to accelerate.
+    Raises InvalidInputError: wrong sizes, not finite, or a configuration where forces have no
+    inertia to accelerate.
     """
     driven, nv = model.COP, len(model.V)
     # Refuses configurations without a regular mass matrix.

@@ -47,12 +47,9 @@ class SpinChange:
     inertia is unstable: errors grow as fast as the body turns. ``stable`` says whether it is
     another one.
 
-    Raises
-    ------
-    InvalidInputError
-        A spin out of reach of the radii (the message names the range), of the other sign, or about
-        no axis of the masses; masses that slide at the start, or are out of bounds; numbers that
-        are unusable.
+    Raises InvalidInputError: a spin out of reach of the radii (the message names the range), of the
+    other sign, or about no axis of the masses; masses that slide at the start, or are out of
+    bounds; numbers that are unusable.
     """
 
     model: Pendulum
@@ -149,10 +146,7 @@ def reachable_spins(
 ) -> tuple[float, float]:
     """Return the (least, greatest) spin [rad/s] that the radii can give at this momentum.
 
-    Raises
-    ------
-    InvalidInputError
-        No spin, or about no axis of the masses, or an unusable state.
+    Raises InvalidInputError: no spin, or about no axis of the masses, or an unusable state.
     """
     q0 = finite_vector("q0", q0, len(model.Q))
     v0 = finite_vector("v0", v0, len(model.V))

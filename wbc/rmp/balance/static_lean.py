@@ -32,11 +32,8 @@ class StaticLean:
     grows without end: :meth:`time_left` says how long its limits last. From then on the phase is
     ``"saturated"``, ``ok`` is False, and the wheel is carried along at constant rate.
 
-    Raises
-    ------
-    InvalidInputError
-        Numbers that are no pendulum, a leg that does not stand, or a lean that takes more torque
-        than there is; the message says by how much.
+    Raises InvalidInputError: numbers that are no pendulum, a leg that does not stand, or a lean
+    that takes more torque than there is; the message says by how much.
     """
 
     model: PlanarRmp
@@ -100,10 +97,8 @@ class StaticLean:
 
         Exact but for squares of errors, and once they have decayed.
 
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes, not finite, or a configuration that the pendulum cannot have.
+        Raises InvalidInputError: wrong sizes, not finite, or a configuration that the pendulum
+        cannot have.
         """
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         _, k_P = self.model.momenta(q, v)

@@ -66,12 +66,9 @@ class SwingUp:
     The bounds' ``wheel_torque`` (finite) and ``wheel_rate`` are respected; forces along the leg are
     not bounded, since the pivot pulls as well; the wheel may turn without end.
 
-    Raises
-    ------
-    InvalidInputError
-        No gravity, no finite torque, a wheel that stops at an angle, a rate of the wheel that the
-        swinging leg alone exceeds, or commands too rare for the torque; the message says by how
-        much.
+    Raises InvalidInputError: no gravity, no finite torque, a wheel that stops at an angle, a rate
+    of the wheel that the swinging leg alone exceeds, or commands too rare for the torque; the
+    message says by how much.
     """
 
     model: PlanarRmp  # its gravity must not be zero

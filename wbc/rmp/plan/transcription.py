@@ -47,10 +47,7 @@ class Transcription:
 def transcribe(problem: PlanProblem) -> Transcription:
     """Return the programme of a problem.
 
-    Raises
-    ------
-    InvalidInputError
-        Limits of neighbouring phases exclude each other where they meet.
+    Raises InvalidInputError: limits of neighbouring phases exclude each other where they meet.
     """
     units, layout = units_of(problem), lay_out(problem)
     # Phases with equal values of these share their pieces.

@@ -62,10 +62,7 @@ class NamedSurface(NamedTuple):
 def named_surfaces(robot: Robot) -> list[NamedSurface]:
     """Return the raw shapes of a robot, meshes as triangles.
 
-    Raises
-    ------
-    ModelError
-        See :func:`robot_bodies`.
+    Raises ModelError: see :func:`robot_bodies`.
     """
     refuse_missing(robot)
     shapes, meshes = robot.collision_surfaces
@@ -81,10 +78,7 @@ def named_surfaces(robot: Robot) -> list[NamedSurface]:
 def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
     """Return name, link and raw shape of each body, as :func:`robot_bodies` has them.
 
-    Raises
-    ------
-    ModelError
-        See :func:`robot_bodies`.
+    Raises ModelError: see :func:`robot_bodies`.
     """
     refuse_missing(robot)
     return _as_named(robot, robot.collision_model)

@@ -119,10 +119,7 @@ class GeometrySource(Protocol):
         Meshes are triangles, which :func:`~wbc.robot.formats.triangles.with_meshes` puts in.
         ``model`` may have joints locked since it was read: links keep their frames.
 
-        Raises
-        ------
-        ModelError
-            A mesh exists but cannot be read.
+        Raises ModelError: a mesh exists but cannot be read.
         """
         ...
 
@@ -165,14 +162,9 @@ def lock_joints(
     ``locked``: joint name or pattern to the value [rad or m] at which it is held; later entries
     win.
 
-    Raises
-    ------
-    UnknownNameError
-        No such joint.
-    InvalidInputError
-        A value that is not finite or outside the joint's limits.
-    ModelError
-        A coupling beyond degree 4, in a circle, or of joints that turn without end.
+    Raises UnknownNameError: no such joint; InvalidInputError: a value that is not finite or outside
+    the joint's limits; ModelError: a coupling beyond degree 4, in a circle, or of joints that turn
+    without end.
     """
     model = description.model
     names = [name for name, nv in zip(model.names, model.nvs, strict=True) if nv == 1]
@@ -205,10 +197,7 @@ def lock_joints(
 def _check_reach(path: Path, limits: JointLimits, joint: str, coupling: Coupling) -> None:
     """Refuse a mimic joint that its driver never moves within its own limits.
 
-    Raises
-    ------
-    ModelError
-        No position of the driver is one at which both are within their limits.
+    Raises ModelError: no position of the driver is one at which both are within their limits.
     """
     driver, own = limits.names.index(coupling.driver), limits.names.index(joint)
     low, high = max(limits.lower[driver], -DRIVER_RANGE), min(limits.upper[driver], DRIVER_RANGE)

@@ -116,11 +116,8 @@ def is_lfs_pointer(path: Path) -> bool:
 def refuse_huge_meshes(files: Iterable[Path]) -> None:
     """Check the size of mesh files before they are read.
 
-    Raises
-    ------
-    ModelError
-        A file is larger than :data:`MOST_BYTES`, or a binary STL with more than
-        :data:`MOST_TRIANGLES`.
+    Raises ModelError: a file is larger than :data:`MOST_BYTES`, or a binary STL with more than
+    :data:`MOST_TRIANGLES`.
     """
     for path in files:
         if not path.is_file():
@@ -165,10 +162,8 @@ def read_mesh(path: Path) -> Triangles:
 
     A Collada file's are in metres with z up, the others' as they are.
 
-    Raises
-    ------
-    ModelError
-        The file uses what is not supported, is damaged, or has more than :data:`MOST_TRIANGLES`.
+    Raises ModelError: the file uses what is not supported, is damaged, or has more than
+    :data:`MOST_TRIANGLES`.
     """
     try:
         mesh = _READERS[path.suffix.lower()](path)

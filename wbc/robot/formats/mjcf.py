@@ -40,13 +40,9 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
 
     ``source``, ``path``, ``root``: see :func:`wbc.robot.formats.mjcf_compile.compile_mjcf`.
 
-    Raises
-    ------
-    MissingPackageError
-        MuJoCo is not installed.
-    ModelError
-        What MuJoCo refuses, several trees, numbers beyond any robot's, or a robot
-        that is not the compiled model's in frames, masses, ranges or mass matrix.
+    Raises MissingPackageError: MuJoCo is not installed; ModelError: what MuJoCo refuses, several
+    trees, numbers beyond any robot's, or a robot that is not the compiled model's in frames,
+    masses, ranges or mass matrix.
     """
     compiled = compile_mjcf(source, path, root)
     part = robot_part(compiled.mujoco, compiled.model, path)

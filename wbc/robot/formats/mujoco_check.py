@@ -25,10 +25,7 @@ def compare_with_mujoco(part: RobotPart, tree: pin.Model) -> None:
 
     The postures are the one that the file draws, the one of zeros, and a random one.
 
-    Raises
-    ------
-    ModelError
-        They disagree: the message names the frame, joint or body.
+    Raises ModelError: they disagree: the message names the frame, joint or body.
     """
     if any(part.kind_of(joint) == "ball" for joint in part.joints):
         return  # refused by its name later
@@ -42,10 +39,7 @@ def compare_motion(part: RobotPart, tree: pin.Model, base: pin.SE3) -> None:
 
     ``base``: where the tree's base is, unless it floats in both.
 
-    Raises
-    ------
-    ModelError
-        See :func:`compare_with_mujoco`.
+    Raises ModelError: see :func:`compare_with_mujoco`.
     """
     mujoco, model = part.mujoco, part.model
     data, ours = mujoco.MjData(model), tree.createData()
@@ -122,10 +116,7 @@ def _compare_masses(part: RobotPart, tree: pin.Model) -> None:
 def compare_ranges(part: RobotPart, tree: pin.Model) -> None:
     """Compare the ranges of the joints that have one.
 
-    Raises
-    ------
-    ModelError
-        See :func:`compare_with_mujoco`.
+    Raises ModelError: see :func:`compare_with_mujoco`.
     """
     for joint in part.joints:
         name = part.names.joints[joint]

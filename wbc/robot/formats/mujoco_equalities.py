@@ -27,11 +27,8 @@ def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
     Of two constraints of one joint, one is inverted: its driver follows the joint. So is that of a
     joint with a motor which would follow one without.
 
-    Raises
-    ------
-    ModelError
-        A coefficient beyond any gear's; an active constraint of tendons or soft bodies; or several
-        of one joint of which none can be turned around.
+    Raises ModelError: a coefficient beyond any gear's; an active constraint of tendons or soft
+    bodies; or several of one joint of which none can be turned around.
     """
     found = dict[str, Coupling]()
     motors = acting_motors(part.mujoco, part.model)
@@ -182,10 +179,7 @@ def add_loops(
     Return the loops by name, which of them have an end on the world, which becomes one on a root
     that is fixed, and notes.
 
-    Raises
-    ------
-    ModelError
-        A constraint ties a floating base to the world.
+    Raises ModelError: a constraint ties a floating base to the world.
     """
     loops, model, names = dict[str, Loop](), part.model, part.names
     tied, on_world = _active(part), list[str]()

@@ -99,10 +99,7 @@ def robot_part(mujoco: Any, model: Any, path: Path) -> RobotPart:
     one with a free joint and further joints; if there is none, the only one with joints. Several
     actuated trees that do not float are one robot on a fixed root.
 
-    Raises
-    ------
-    ModelError
-        No body, or several that may be the robot.
+    Raises ModelError: no body, or several that may be the robot.
     """
     names = Names(mujoco, model)
     tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]

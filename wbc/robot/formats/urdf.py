@@ -66,11 +66,8 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     The root link floats, unless a ``floating`` joint from a massless root link (usually called
     ``world``) says so already.
 
-    Raises
-    ------
-    ModelError
-        The document is not one tree of links joined by revolute, continuous, prismatic and fixed
-        joints, or a number in it is wrong.
+    Raises ModelError: the document is not one tree of links joined by revolute, continuous,
+    prismatic and fixed joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
     head_notes = complete_root(root, path) + unknown_words(root) + unread_physics(root)

@@ -27,10 +27,7 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
     MuJoCo cannot read all that Pinocchio can: moving links without mass, impossible inertias, and
     quaternions. Such files are not compared.
 
-    Raises
-    ------
-    ModelError
-        They disagree: the message names the frame or joint.
+    Raises ModelError: they disagree: the message names the frame or joint.
     """
     if not installed("mujoco") or root.find(".//origin[@quat_xyzw]") is not None:
         return

@@ -26,11 +26,8 @@ _NOT_FINITE = {"nan", "inf", "infinity"}
 def read_xml(path: Path) -> ET.Element:
     """Return the root element of an XML file.
 
-    Raises
-    ------
-    ModelError
-        File missing or unreadable, still a xacro file, broken XML, or larger, deeper or with more
-        elements or attributes than any robot needs.
+    Raises ModelError: file missing or unreadable, still a xacro file, broken XML, or larger, deeper
+    or with more elements or attributes than any robot needs.
     """
     if path.suffix == ".xacro":
         urdf = f"{path.stem.removesuffix('.urdf')}.urdf"

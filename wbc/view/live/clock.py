@@ -37,10 +37,7 @@ class Clock:
     def set_speed(self, speed: float) -> None:
         """Change the speed.
 
-        Raises
-        ------
-        InvalidInputError
-            Negative, or not a number.
+        Raises InvalidInputError: negative, or not a number.
         """
         self.speed = finite_number("viewer, speed", speed, least=0.0)
         self._due = None

@@ -19,10 +19,7 @@ def watch_loop(robot: Robot, ring: RingLog, port: int | None = None) -> None:
 
     ``port``: of the page; by default the first that is free from 8080 on.
 
-    Raises
-    ------
-    MissingPackageError
-        viser is not installed.
+    Raises MissingPackageError: viser is not installed.
     """
     loop, seen = os.getppid(), float("nan")
     with Viewer(robot, title=f"{robot.name}: hardware", port=port, steer=False) as viewer:

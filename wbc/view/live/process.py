@@ -127,10 +127,7 @@ class PageProcess:
     def receive(self) -> Any:
         """Return the next message; waits for it.
 
-        Raises
-        ------
-        OSError, EOFError
-            The page has ended.
+        Raises OSError, EOFError: the page has ended.
         """
         return self._pipe.recv()
 

@@ -24,10 +24,7 @@ def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
 
     In its own size, on the robot's ground, moved to the right of where the robot begins.
 
-    Raises
-    ------
-    InvalidInputError
-        A motion of joints alone: where its base was is not known.
+    Raises InvalidInputError: a motion of joints alone: where its base was is not known.
     """
     recorded, base = human.motion, human.motion.base
     if base is None:
@@ -50,12 +47,7 @@ def view_retargeted(
 ) -> Viewer:
     """Return a page that plays a motion, with the human beside; close it, or ``wait`` for Ctrl-C.
 
-    Raises
-    ------
-    MissingPackageError
-        viser is not installed.
-    InvalidInputError
-        A port that is in use.
+    Raises MissingPackageError: viser is not installed; InvalidInputError: a port that is in use.
     """
     beside = human_beside(human, motion)
     title = f"{motion.robot.name} as {Path(motion.source).name}"

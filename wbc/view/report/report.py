@@ -104,12 +104,8 @@ def write_pendulum_report(
 
     ``summary``: as :meth:`wbc.problem.pendulum.result.PendulumResult.summary` returns it.
 
-    Raises
-    ------
-    InvalidInputError
-        The path does not end in ``.html``.
-    OSError
-        The file cannot be written.
+    Raises InvalidInputError: the path does not end in ``.html``; OSError: the file cannot be
+    written.
     """
     report_format(path)
     data = pendulum_replay(history, replay_rows(history.time))
