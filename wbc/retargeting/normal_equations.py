@@ -20,10 +20,7 @@ SPAN = 3
 class NormalEquations:
     """Sums of squares in displacements (n, nv) of n frames, each coupled with the next ones.
 
-    Attributes
-    ----------
-    gradient:
-        (n, nv), of half the sum of squares.
+    ``gradient``: (n, nv), of half the sum of squares.
     """
 
     def __init__(self, count: int, nv: int) -> None:

@@ -141,10 +141,7 @@ class NativeMotion(NamedTuple):
 class NativePass:
     """Memory of one thread for passes over a tree.
 
-    Attributes
-    ----------
-    plans:
-        Plans for evaluating rows at its states, by what they are about.
+    ``plans``: plans for evaluating rows at its states, by what they are about.
     """
 
     def __init__(self, tree: NativeTree) -> None:

@@ -27,10 +27,8 @@ class Mount(NamedTuple):
 class MountedFrames:
     """Poses and Jacobians of mounted frames in the base's axes, in its own memory.
 
-    Attributes
-    ----------
-    frames:
-        (k, 12 + 6 nv), as :func:`update` left them: origin, rotation (3, 3), Jacobian (6, nv).
+    ``frames``: (k, 12 + 6 nv), as :func:`update` left them: origin, rotation (3, 3), Jacobian (6,
+    nv).
     """
 
     def __init__(self, robot: Robot, mounts: Sequence[Mount]) -> None:

@@ -261,10 +261,7 @@ def _run_in_processes(
 class CampaignLog(Journal):
     """A file of a campaign: its description, then an outcome in each line; a context manager.
 
-    Attributes
-    ----------
-    known:
-        Outcomes found in it, by the name of the problem.
+    ``known``: outcomes found in it, by the name of the problem.
 
     Raises
     ------

@@ -54,10 +54,7 @@ class _ImuState:
 class Sensing:
     """Reads devices once per control period, from one reset of the plant to the next.
 
-    Attributes
-    ----------
-    lost:
-        Number of lost messages.
+    ``lost``: number of lost messages.
     """
 
     def __init__(self, plant: Plant, devices: Devices) -> None:

@@ -35,10 +35,7 @@ _DOMAINS: dict[int, tuple[str, Any]] = {}
 class _DdsEnd:
     """One end of the bus: a participant of a domain on one interface.
 
-    Attributes
-    ----------
-    dropped:
-        Number of dropped messages, by reason.
+    ``dropped``: number of dropped messages, by reason.
     """
 
     def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:

@@ -97,10 +97,7 @@ def _time(kept: tuple[Frame, ControllerInfo | None]) -> float:
 class Controls:
     """Buttons of the loop's clock, and the slider through the recording.
 
-    Attributes
-    ----------
-    past:
-        The time that is shown [s]; None: the newest frame.
+    ``past``: the time that is shown [s]; None: the newest frame.
     """
 
     def __init__(self, gui: GuiApi, send: Send, clock: bool) -> None:

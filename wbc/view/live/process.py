@@ -80,13 +80,7 @@ def _port_error(host: str, port: int) -> str:
 
 
 class PageProcess:
-    """A running page, and the pipe to it.
-
-    Attributes
-    ----------
-    port:
-        Where it is served.
-    """
+    """A running page, and the pipe to it; ``port``: where it is served."""
 
     def __init__(self, place: PageAddress, setup: object) -> None:
         ours, theirs = socket.socketpair()

@@ -20,10 +20,7 @@ GROUND_TOLERANCE = 2e-3  # m: of a standing sole's corners
 class ShownFrame:
     """A frame with the robot's snapshot and its pendulum; computed when first asked for.
 
-    Attributes
-    ----------
-    followed:
-        (3,) [m]: which point of the world is shown at the page's origin.
+    ``followed``: (3,) [m]: which point of the world is shown at the page's origin.
     """
 
     def __init__(

@@ -17,10 +17,7 @@ from wbc.view.live.messages import Release, SetTarget, TaskRequest
 class TargetControls:
     """The user's targets and weights, applied before each tick over the program's.
 
-    Attributes
-    ----------
-    refusal:
-        Why the last request was refused, or empty.
+    ``refusal``: why the last request was refused, or empty.
     """
 
     def __init__(self) -> None:

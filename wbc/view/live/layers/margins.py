@@ -75,10 +75,7 @@ class Watched:
 class MarginsLayer(Layer):
     """Lines between the nearest points of the nearest pairs.
 
-    Attributes
-    ----------
-    nearest:
-        The nearest pairs in the last frame, the one with the least clearance first.
+    ``nearest``: the nearest pairs in the last frame, the one with the least clearance first.
     """
 
     label = "Nearest pairs"

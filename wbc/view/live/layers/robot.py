@@ -75,10 +75,7 @@ class RobotShapes:
 class RobotLayer(Layer):
     """The robot in its current configuration.
 
-    Attributes
-    ----------
-    links:
-        Name of the link, and the node, of each shape.
+    ``links``: name of the link, and the node, of each shape.
     """
 
     label = "Robot"
