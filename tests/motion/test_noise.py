@@ -9,8 +9,7 @@ from wbc.errors import InvalidInputError
 from wbc.motion import Motion, Noise, analyze
 from wbc.motion.filtering import low_pass
 from wbc.motion.noise import estimate_noise, noise_covariances
-from wbc.motion.residual_analysis import resolve_cutoff
-from wbc.motion.smoothing import angular_rates, even_grid, resample, sample_times
+from wbc.motion.smoothing import angular_rates, even_grid, resample, resolve_cutoff, sample_times
 from wbc.robot import Robot
 
 RATE = 200.0

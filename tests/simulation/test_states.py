@@ -11,7 +11,7 @@ from tests.simulation.idle import idle
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, robot_names
 from wbc.simulation import Plant, Terrain
-from wbc.simulation.contact_drift import ContactDrift
+from wbc.simulation.states import ContactDrift
 from wbc.validate import Array
 
 

@@ -13,7 +13,7 @@ from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import MIN_PLATE_FORCE, plates_mass
-from wbc.human.contacts import cutoff_by_steps, feet_down, nearest_rows
+from wbc.human.contacts import cutoff_by_steps, feet_down, ground_and_soles, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
     bridge_untold,
@@ -46,7 +46,6 @@ from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
 from wbc.human.skeleton import configurations, human_robot
-from wbc.human.soles import ground_and_soles
 from wbc.human.subjects import select_subject
 from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.kinds import check_kind

@@ -52,7 +52,7 @@ def analyze(
         Frames per second of the series [Hz]; by default those of the recording.
     cutoff:
         Of the low-pass [Hz], for joints and base; None: unfiltered; ``residual``: by residual
-        analysis, see :mod:`wbc.motion.residual_analysis`.
+        analysis, see :mod:`wbc.motion.smoothing`.
     planted:
         Foot that stands flat, or ``auto`` for the lower one, if the base was not recorded; see
         :func:`wbc.motion.planted_base.planted_base`.

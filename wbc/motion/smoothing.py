@@ -16,26 +16,73 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.motion.dropouts import check_count, unwrap
 from wbc.motion.filtering import low_pass
 from wbc.motion.noise import (
     CorrelatedNoise,
     FilteredNoise,
     Noise,
+    difference_noise,
     estimate_noise,
     noise_covariances,
+    to_tangent,
 )
 from wbc.motion.planted_base import planted_base
 from wbc.motion.recording import Motion
-from wbc.motion.residual_analysis import resolve_cutoff
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.series import Progress
 from wbc.rotations import conjugate_product, rotations_from
 from wbc.validate import Array, finite_number
 
+RESIDUAL = "residual"  # in place of a cutoff
+MIN_PERIODS = 4.0  # of the cutoff in the recording
+MAX_CUTOFF = 0.4  # by the rate
+MIN_NOISE = 1e-5  # rad or m: a channel with less must not outweigh all others
+BISECTIONS = 12  # of the logarithm: to 0.1 %
 EVEN_TOLERANCE = 1e-3  # of a step, between times and an even grid
+
+
+def resolve_cutoff(cutoff: float | str | None, rows: Array, rate: float) -> float | None:
+    """Return the cutoff [Hz] as given, or by residual analysis of all channels together.
+
+    The residual of too high a cutoff is noise alone; of too low a cutoff, noise and motion. At the
+    best one the residual's rms is that of all the noise (Winter, Biomechanics and Motor Control,
+    3.4.4.3), which is estimated from the recording's differences, not read off a line by eye. Each
+    channel's residual counts in units of its noise, or of 1e-5 rad or m if it has less.
+
+    Parameters
+    ----------
+    rows:
+        Base position, quaternion xyzw and joints (n, nv+1), evenly sampled, not filtered; constant
+        where not recorded.
+    rate:
+        Of the rows [Hz].
+    """
+    if not isinstance(cutoff, str):
+        return cutoff
+    if cutoff != RESIDUAL:
+        raise InvalidInputError(
+            f"cutoff: expected a frequency in Hz, None or {RESIDUAL!r}, got {shown(cutoff)}"
+        )
+    low, high = MIN_PERIODS * rate / len(rows), MAX_CUTOFF * rate
+    if low >= high:
+        raise InvalidInputError(
+            f"cutoff: {len(rows)} rows are too few for a residual analysis; give it in Hz"
+        )
+    unit = np.maximum(difference_noise(rows), MIN_NOISE)
+    spread = np.ptp(rows, axis=0)
+    rotation = np.full(3, spread[3:BASE_NQ].max())  # the quaternion's four entries are three angles
+    moving = np.concatenate((spread[:3], rotation, spread[BASE_NQ:])) > 0.0
+    for _ in range(BISECTIONS):
+        middle = float(np.sqrt(low * high))
+        residual = to_tangent(rows, rows - low_pass(rows, rate, middle)) / unit
+        if moving.any() and np.mean(residual[:, moving] ** 2) > 1.0:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,14 +21,13 @@ from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
 from wbc.simulation.build import build
-from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touched_by_links
 from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import AppliedWrench, Push, apply, push_point, sum_by_frame
 from wbc.simulation.sensors import Measurements, Sensors, doubt_delays
 from wbc.simulation.shapes import ShapeOptions
-from wbc.simulation.states import StateMap
+from wbc.simulation.states import ContactDrift, StateMap
 from wbc.simulation.terrain import Terrain
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 

@@ -90,7 +90,7 @@ class Terrain:
         by 0.06 mm.
     drift:
         Whether contacts compensate the drift J' q', which MuJoCo's do not; see
-        :mod:`wbc.simulation.contact_drift`. It takes time.
+        :mod:`wbc.simulation.states`. It takes time.
     walls:
         Plates beside the robot; :meth:`height` ignores them.
     """
