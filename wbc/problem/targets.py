@@ -105,10 +105,7 @@ def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
 def entries(target: Sequence[float], rows: Sequence[str], all_rows: Sequence[str]) -> Array:
     """Return a wanted vector with all rows, of which a file gives some, or all.
 
-    Raises
-    ------
-    Misplaced
-        Another number of entries.
+    Raises Misplaced: another number of entries.
     """
     if len(target) == len(all_rows):
         return np.array(target, dtype=float)

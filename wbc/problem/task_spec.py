@@ -74,10 +74,7 @@ class TaskSpec(Section):
     def settings(self, rows: Sequence[str] = ()) -> dict[str, Any]:
         """Return the keyword arguments of the task's class: all keys but those that say how.
 
-        Raises
-        ------
-        Misplaced
-            A list of weights that does not fit ``rows``, or two gains.
+        Raises Misplaced: a list of weights that does not fit ``rows``, or two gains.
         """
         if isinstance(self.weight, tuple) and len(self.weight) != len(rows):
             raise Misplaced(

@@ -126,12 +126,7 @@ def _normals(hull: Array) -> Array:
 def supports(corners: Mapping[str, Array], flags: Bools) -> tuple[SupportedFrames, ...]:
     """Return the supports of all frames but those in flight; equal ones are joined.
 
-    Parameters
-    ----------
-    corners:
-        Of the soles that touch (n, k, 3), by side [m].
-    flags:
-        Which feet stand (n, 2).
+    ``corners``: of the soles that touch (n, k, 3), by side [m]; ``flags``: which feet stand (n, 2).
     """
     shapes = [np.round(corners[side].reshape(len(flags), -1), 6) for side in SIDES]
     keys = np.hstack((flags, *(np.where(flags[:, [n]], one, 0.0) for n, one in enumerate(shapes))))

@@ -71,10 +71,7 @@ def alternating_footprints(motion: Retargeted) -> list[Footprint]:
 def stride(motion: Retargeted) -> tuple[float, float]:
     """Return when the last whole stride begins, and how long it takes [s].
 
-    Raises
-    ------
-    InvalidInputError
-        No foot touches down twice.
+    Raises InvalidInputError: no foot touches down twice.
     """
     dt, found = motion.targets.dt, []
     for side in SIDES:

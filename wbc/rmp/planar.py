@@ -108,10 +108,8 @@ class PlanarRmp(ReactionMassPendulum):
 class Held:
     """A planar reaction wheel pendulum: length of the leg and radius of the masses stay.
 
-    Raises
-    ------
-    InvalidInputError
-        Not a planar pendulum, a number that is not positive, or a ``dt`` too long for the hold.
+    Raises InvalidInputError: not a planar pendulum, a number that is not positive, or a ``dt`` too
+    long for the hold.
     """
 
     model: PlanarRmp

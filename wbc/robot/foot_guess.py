@@ -79,10 +79,7 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     Files whose y axis points up, or whose x axis points backwards, are recognised by where their
     feet are. A base that ``q`` turns already is left as it is if the feet are then below it.
 
-    Parameters
-    ----------
-    feet:
-        Foot to link; None stands for the links that are called feet.
+    ``feet``: foot to link; None stands for the links that are called feet.
     """
     data = model.createData()
     pin.centerOfMass(model, data, q)

@@ -263,10 +263,7 @@ class CampaignLog(Journal):
 
     ``known``: outcomes found in it, by the name of the problem.
 
-    Raises
-    ------
-    InvalidInputError, JournalError
-        As :class:`~wbc.journal.Journal` does.
+    Raises InvalidInputError, JournalError: as :class:`~wbc.journal.Journal` does.
     """
 
     def __init__(self, path: Path, made_of: Mapping[str, Any]) -> None:

@@ -53,10 +53,8 @@ def read_xml(path: Path) -> ET.Element:
 def parsed(data: bytes, path: Path) -> ET.Element:
     """Return the root element of XML text; messages call it ``path``.
 
-    Raises
-    ------
-    ModelError
-        Broken XML, or larger, deeper or with more elements or attributes than any robot needs.
+    Raises ModelError: broken XML, or larger, deeper or with more elements or attributes than any
+    robot needs.
     """
     if data.startswith(LFS):
         raise ModelError(f"{path}: a Git LFS pointer, not the file itself; git lfs pull")

@@ -144,10 +144,7 @@ class Session:
 def checked(problem: object) -> Problem:
     """Return a problem that has a controller to show while it runs or is simulated.
 
-    Raises
-    ------
-    InvalidInputError
-        A pendulum's problem, or a search for a posture.
+    Raises InvalidInputError: a pendulum's problem, or a search for a posture.
     """
     from wbc.problem.controller_spec import GlobalSpec
     from wbc.problem.problem import Problem
