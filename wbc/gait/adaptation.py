@@ -39,6 +39,7 @@ BINDING_ROWS = ("the sole",) * 4 + ("acceleration of the foot",) * 4
 NEGLIGIBLE = 1e-3
 
 
+REST_RANGE: float = lib.wbc_rest_range
 Pair = tuple[float, float]
 
 
@@ -66,7 +67,7 @@ class Reach(NamedTuple):
 
     def rows(self, time: float) -> tuple[list[float], list[float]]:
         """Return h (4,), c (4,) of (u, -u) <= h T + c: the reach linearised at T = ``time``."""
-        k, (x, y), (vx, vy) = lib.wbc_rest_range * self.acceleration, self.place, self.rate
+        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
         slope, offset = 2.0 * k * time, k * time**2
         h = [slope + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
         return h, [place - offset for place in (x, y, -x, -y)]
