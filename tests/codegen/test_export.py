@@ -249,6 +249,16 @@ def test_what_no_loop_can_run_is_written_for_no_robot(
     assert not (tmp_path / "c").exists()
 
 
+def test_a_safety_layer_of_an_earlier_export_is_not_left_beside_another_controller(
+    tmp_path: Path,
+) -> None:
+    """A G1's joints, gains and limits, beside a small humanoid's tick, agreed with themselves."""
+    (tmp_path / "c" / "hardware").mkdir(parents=True)
+    (tmp_path / "c" / "hardware" / "data.c").touch()
+    with pytest.raises(CodegenError, match=r"hardware: of an earlier export.*--robot"):
+        export_problem(write(tmp_path, VELOCITY), tmp_path / "c", ticks=2)
+
+
 def test_a_recorded_robot_that_fell_is_told(tmp_path: Path) -> None:
     """A single tick to compare with was the only sign of it."""
     fragile = "simulation: {duration: 0.2, falls: {tilt: 1.0e-9}}"

@@ -67,6 +67,12 @@ def export_problem(
     """
     overrides = overrides or {}
     problem = _load(path, overrides)
+    earlier = folder / "hardware"
+    if robot is None and (earlier / "data.c").exists():  # it agrees with its own recording still
+        raise CodegenError(
+            f"{earlier}: of an earlier export, for another controller; give the robot on the bus"
+            " (--robot), or delete it"
+        )
     solver = str(problem.spec.controller.model_dump()["solver"])
     if solver != NAME:
         problem = _load(path, {**overrides, SOLVER: NAME})
