@@ -250,6 +250,14 @@ def test_edges_in_line_are_one_row_wherever_the_robot_stands(hoap2) -> None:
         assert len(ComSupport.over(hoap2.snapshot(q)).corners) == 4
 
 
+def test_the_com_is_over_all_feet_whatever_they_are_called(here) -> None:
+    feet = {name: {"link": f"{name}_sole"} for name in ("left", "right")}
+    named = {"front": feet["left"], "hind": feet["right"]}
+    robot = Robot.load("hoap2_like", feet=named)
+    corners = ComSupport.over(robot.snapshot(here.q)).corners
+    np.testing.assert_array_equal(corners, ComSupport.over(here, ("left", "right")).corners)
+
+
 def test_the_com_stays_over_its_support(hoap2, here) -> None:
     held = ComSupport.over(here, margin=0.01)
     pull = ComTask(hoap2, here.com + [0.3, 0.05, 0.0], gain=0.2)

@@ -64,10 +64,11 @@ class ComSupport(Margin):
 
     @classmethod
     def over(
-        cls, snapshot: Snapshot, feet: Iterable[str] = ("left", "right"), *, margin: float = 0.01
+        cls, snapshot: Snapshot, feet: Iterable[str] | None = None, *, margin: float = 0.01
     ) -> ComSupport:
-        """Return the constraint for the soles of ``feet`` where they are in ``snapshot``."""
+        """Return the constraint for the soles of ``feet`` (None: all) where they are now."""
         check_snapshot("ComSupport.over", snapshot)
+        feet = snapshot.robot.feet if feet is None else feet
         return cls(snapshot.robot, support_polygon(snapshot, feet), margin=margin)
 
     def set_polygon(self, polygon: ArrayLike) -> None:
