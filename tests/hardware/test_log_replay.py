@@ -115,6 +115,17 @@ def test_a_log_opens_as_a_run(log: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_events_have_the_times_of_the_rows(log: Path, tmp_path: Path) -> None:
+    """They had the machine's clock, where plots and the slider begin with the log."""
+    armed = {"time": lambda time: time + 1e3, "events": np.array(["1002.5 damping: armed by hand"])}
+    run = HardwareLog.load(changed(log, tmp_path / "later.npz", armed)).as_run()
+    assert run.summary["events"][0] == ("2.5000 s", "damping: armed by hand")
+    broken = changed(log, tmp_path / "broken.npz", {"events": np.array(["armed by hand"])})
+    with pytest.raises(InvalidInputError, match="'events': expected a time, got 'armed'"):
+        HardwareLog.load(broken).as_run()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "told"),
     [

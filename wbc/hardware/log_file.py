@@ -77,7 +77,8 @@ class HardwareLog:
         if not known.any():
             raise InvalidInputError(f"{self.path}: has no estimate of the base, so nothing to draw")
         rows = {name: array[known] for name, array in arrays.items()}
-        time = rows["time"] - arrays["time"][0]
+        begins = arrays["time"][0]  # by the machine's clock, as the events
+        time = rows["time"] - begins
         snapshots = [robot.snapshot(*state) for state in zip(rows["q"], rows["v"], strict=True)]
         count, none = len(time), np.full(len(time), np.nan)
         limits = robot.limits
@@ -104,7 +105,7 @@ class HardwareLog:
             "robot": robot.name,
             "problem": self.made_of["problem"],
             "versions": self.made_of.get("versions", {}),
-            "events": [*(one.split(" ", 1) for one in self.events), *self._fault_counts()],
+            "events": [*self._events(begins), *self._fault_counts()],
         }
         missing = np.full((count, 3), np.nan)
         up = np.array([one.rotation(BASE)[2, 2] for one in snapshots])
@@ -118,6 +119,15 @@ class HardwareLog:
             "relaxed": np.zeros(count, dtype=bool),
         }
         return SavedRun(self.path.stem, robot, history, summary, simulation)
+
+    def _events(self, begins: float) -> Iterator[tuple[str, str]]:
+        for event in self.events:
+            when, _, what = event.partition(" ")
+            try:
+                yield f"{float(when) - begins:.4f} s", what
+            except ValueError:
+                told = f"{self.path}: array 'events': expected a time, got {when!r}"
+                raise InvalidInputError(told) from None
 
     def _fault_counts(self) -> list[tuple[str, str]]:
         bits = self.arrays["faults"].astype(np.int64)
