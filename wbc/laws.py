@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError
 from wbc.kinds import switch
 from wbc.spatial import STANDARD_GRAVITY
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, Floats, finite_number, read_only
 
 # Entries of v, each once.
 Columns = slice | NDArray[np.int64]
@@ -59,9 +59,9 @@ class Residual(NamedTuple):
         a function that returns it: only the velocity level asks for it.
     """
 
-    error: Array
+    error: Floats
     jacobian: Array
-    bias: Array
+    bias: Floats
     curvature: Array | None = None
     curvature_bound: float | Array | Callable[[], float | Array] = 0.0
 

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError, shown
 
-Array = NDArray[np.floating[Any]]
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]  # what users compute: numpy says no more of norms and solutions
 Bools = NDArray[np.bool_]
 Index = NDArray[np.int64]  # numbers of things
 Part = TypeVar("Part")
@@ -284,7 +285,7 @@ def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, f
     return low, high
 
 
-def read_only(array: Array) -> Array:
+def read_only(array: NDArray[Any]) -> Array:
     """Mark ``array`` as read-only and return it."""
     array.setflags(False)  # type: ignore[call-arg]  # "write", which by name takes twice as long
     return array

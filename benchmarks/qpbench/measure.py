@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import thread_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def _joined(key: tuple[QpSequence, str, float], passes: Sequence[_Pass]) -> Meas
 def reference_time() -> float:
     """Return the present time of a fixed computation like those of QP solvers [s]."""
     matrix = np.eye(40) + 0.01
-    right: Array = np.ones(40)
+    right: Any = np.ones(40)
     start = thread_time()
     for _ in range(REFERENCE):
         right = np.linalg.solve(matrix, right)

@@ -6,8 +6,12 @@ Each mistake is marked as one: a checker that misses it says that the mark is of
 from typing import Unpack, assert_type
 
 import numpy as np
+from numpy.typing import NDArray
 
 import wbc
+from wbc.estimation import ImuReading
+from wbc.gait import Wall
+from wbc.simulation import Step
 
 robot = wbc.Robot.load("hoap2_like")
 start = robot.snapshot(robot.posture("standing"))
@@ -29,6 +33,10 @@ limits.acceleration = 20.0
 limits.speed = np.ones(robot.nv - 6)
 pose = wbc.PoseTask(robot, "left_sole", [0.0, 0.0, 0.0], np.eye(3))
 pose.position = [0.0, 0.0, 0.1]
+q: NDArray[np.float64] = start.q  # as most annotate arrays
+Wall(point=(0.0, 0.5, 0.9), normal=(0.0, -1.0, 0.0))
+Step(centre=(0.2, 0.0, 0.03), size=(0.2, 0.5, 0.03))
+ImuReading("imu", [0.0, 0.0, 0.0], [0.0, 0.0, 9.81])
 heights: list[float] = [pose.position[2], *com.weight.tolist()]
 
 

@@ -13,7 +13,7 @@ from wbc.laws import Rows, stacked
 from wbc.native import lib
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
-from wbc.validate import Array, Index
+from wbc.validate import Array, Floats, Index
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression
@@ -45,9 +45,9 @@ class Distances(NamedTuple):
     """
 
     keys: Index
-    clearance: Array
+    clearance: Floats
     jacobian: Array
-    rate: Array | None
+    rate: Floats | None
     found: PairDistances | None = None
     beyond: float | None = None
 

@@ -22,7 +22,7 @@ from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.tick import Tick
 from wbc.native import lib
 from wbc.robot import Snapshot
-from wbc.validate import Array
+from wbc.validate import Array, Floats
 
 OPEN_TOLERANCE = 1e-9  # m, rad: smaller errors cannot be why a QP is infeasible
 HALVINGS = 6  # of the interval for the share of errors that is corrected
@@ -137,7 +137,7 @@ class LoopClosing:
             self._reset()
 
     def _step_with(
-        self, snapshot: Snapshot, errors: Sequence[Array], shares: Array, step: Step
+        self, snapshot: Snapshot, errors: Sequence[Floats], shares: Array, step: Step
     ) -> Tick:
         """Return the tick that corrects these shares of the errors."""
         for (_, where), error, share in zip(self.parts, errors, shares.tolist(), strict=True):
@@ -149,7 +149,7 @@ class LoopClosing:
         self._error_offset[:] = 0.0
 
 
-def _reachable_share(J: Array, rate: Array, box: Box) -> float:
+def _reachable_share(J: Array, rate: Floats, box: Box) -> float:
     """Return the share of minus ``rate`` (k,) that every row of J v can reach alone, v in a box."""
     lower, upper = (np.clip(side, -1e9, 1e9) for side in box)
     J = -np.sign(rate)[:, None] * J  # towards 0 error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -45,6 +46,12 @@ class ImuReading:
     name: str
     angular_velocity: Array
     specific_force: Array
+
+    if TYPE_CHECKING:  # array-likes are given, arrays are read
+
+        def __init__(
+            self, name: str, angular_velocity: ArrayLike, specific_force: ArrayLike
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_word("IMU reading, name", self.name)

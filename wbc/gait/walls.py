@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.gait.arms import Arm
@@ -41,6 +43,12 @@ class Wall:
     normal: Array
     size: Array = (4.0, 2.0)  # type: ignore[assignment]
     friction: float = 0.6
+
+    if TYPE_CHECKING:  # array-likes are given, arrays are read
+
+        def __init__(
+            self, point: ArrayLike, normal: ArrayLike, size: ArrayLike = ..., friction: float = ...
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         normal = finite_array("wall, normal", self.normal, (3,))

@@ -145,7 +145,7 @@ def _motion(lines: list[str], start: int, width: int, source: str) -> tuple[Arra
     if declared != len(rows):
         what = f"it declares {declared:g} frames and has {len(rows)}; is it cut off?"
         raise RecordingError(what, source)
-    return step * np.arange(len(rows)), np.array(rows)
+    return step * np.arange(len(rows), dtype=float), np.array(rows)
 
 
 def _forward_kinematics(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Array]]:

@@ -129,7 +129,7 @@ def _fit(poses: Poses, observed: Array, markers: MarkerSet, iterations: int) -> 
         diagonal = np.arange(DOFS)
         H[:, diagonal, diagonal] *= 1.0 + damping[active, None]
         step = -np.linalg.solve(H, g[..., None])[..., 0]
-        tried = now.step(step)
+        tried = now.step(np.asarray(step, float))
         new = _cost(tried, observed[active], markers)
         better = new <= cost[active]
         accepted, rejected = active[better], active[~better]

@@ -105,4 +105,4 @@ def residual_noise(
     gain = np.concatenate((gain[:, :3], angular, gain[:, 6:][:, hinge_order(robot)]), axis=1)
     values = residual.reshape(len(time), -1)
     values = values - values.mean(axis=0)  # the calibration contains constant errors
-    return ResidualNoise(time, values, gain, CENTRE_DEVIATION * np.eye(DOFS, 3))
+    return ResidualNoise(time, values, np.asarray(gain, float), CENTRE_DEVIATION * np.eye(DOFS, 3))

@@ -143,7 +143,7 @@ def analyze(
         radii=np.sqrt(3.0 / robot.mass * axes.second_moments),
         axes=axes.axes,
         axes_defined=axes.defined,
-        average_angular_velocity=angular_velocity,
+        average_angular_velocity=np.asarray(angular_velocity, float),
         axes_angular_velocity=_axes_rate(whole, axes),
     )
     if frames.noise is None:

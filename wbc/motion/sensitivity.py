@@ -147,4 +147,4 @@ def _state_jacobians(
     if moving.planted is None:
         return by_q, by_v, by_a
     J = found.soles[np.arange(len(frames)), moving.planted[frames]]
-    return by_q, by_v, by_a, -np.linalg.solve(J[:, :, :6], J[:, :, 6:])
+    return by_q, by_v, by_a, -np.asarray(np.linalg.solve(J[:, :, :6], J[:, :, 6:]), float)

@@ -29,7 +29,7 @@ class WallSpec(Section):
     def wall(self, friction: float | None = None) -> Wall:
         """Return the wall, with its own friction or the assumed one."""
         own = self.friction if friction is None else friction
-        return Wall(self.point, self.normal, self.size, own)  # type: ignore[arg-type]
+        return Wall(self.point, self.normal, self.size, own)
 
 
 class HandsSpec(Section):

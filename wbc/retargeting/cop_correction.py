@@ -52,7 +52,7 @@ def load_shares(flags: Bools) -> Array:
     for first, end in runs(both):
         start = left[first - 1] if first > 0 else 0.5
         goal = left[end] if end < count else 0.5
-        u = (np.arange(first, end) - first + 1.0) / (end - first + 1.0)
+        u = (np.arange(first, end, dtype=float) - first + 1.0) / (end - first + 1.0)
         left[first:end] = start + (goal - start) * minimum_jerk(u)
     return np.column_stack((left, 1.0 - left))
 
@@ -207,7 +207,7 @@ def least_com_displacement(
     fewest, cycling = base.size, 0
     while cycling < 2:  # times that no fewer edges changed than before
         active = outside > 0.0
-        e, outside = minimize(OUTSIDE_WEIGHT * active, np.zeros_like(base))
+        e, outside = minimize(np.where(active, OUTSIDE_WEIGHT, 0.0), np.zeros_like(base))
         changed = int(np.count_nonzero((outside > 0.0) != active))
         if not changed:
             break

@@ -295,7 +295,7 @@ def _blend_swings(values: Array, path: Array, swings: Bools) -> None:
             continue
         constant = known[0][0], 0.0 * known[0][1]  # beyond the ends of the recording
         start, goal = (constant if one is None else one for one in ends)
-        u = ((np.arange(first, end) - first + 1.0) / T)[:, None]
+        u = ((np.arange(first, end, dtype=float) - first + 1.0) / T)[:, None]
         s = minimum_jerk(u)
         # Quintic Hermite polynomials of a rate at one end, without accelerations.
         leave = u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5

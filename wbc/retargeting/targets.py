@@ -90,7 +90,7 @@ def scaled_targets(
         if frame is not None and frame not in rotation:
             rotation[frame] = source.rotation[part] @ body.upright[frame]
     targets = Targets(
-        time=dt * np.arange(len(source)),
+        time=dt * np.arange(len(source), dtype=float),
         com=com,
         angular_momentum=k,
         rotation=rotation,

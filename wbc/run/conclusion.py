@@ -98,7 +98,7 @@ def _inertia_reading(
 ) -> InertiaReading:
     """Return the reading of a task; ``start`` and ``reached`` (6,) are in the task's axes."""
     if isinstance(task, PrincipalInertiaTask):
-        moments = [np.linalg.eigvalsh(vech_inverse(s)) for s in (start, reached)]
+        moments = [np.asarray(np.linalg.eigvalsh(vech_inverse(s)), float) for s in (start, reached)]
         rows = task.reported_rows
         return InertiaReading("principal", COM, rows, moments[0], task.target, moments[1])
     values = (_selected_entries(task.rows, s) for s in (start, task.target, reached))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.gait.walls import Wall, check_walls
@@ -43,6 +44,17 @@ class Step:
     yaw: float = 0.0
     friction: float | None = None
     slope: tuple[float, float] = (0.0, 0.0)
+
+    if TYPE_CHECKING:  # array-likes are given, arrays are read
+
+        def __init__(
+            self,
+            centre: ArrayLike,
+            size: ArrayLike,
+            yaw: float = ...,
+            friction: float | None = ...,
+            slope: tuple[float, float] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         x, y = finite_array("step, slope", self.slope, (2,)).tolist()

@@ -270,7 +270,7 @@ class Task(DeclaredAttributes, ABC):
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return what diagnostics report as the error (k,), in the task's own units."""
-        return residual.error
+        return residual.error  # type: ignore[return-value]  # a checked one
 
     @property
     def reported_rows(self) -> tuple[str, ...]:

@@ -121,5 +121,5 @@ def _support_mismatches(plan: Plan, polygon: Array, flights: bool) -> Iterator[s
             )
 
 
-def _numbers(values: Array) -> str:
+def _numbers(values: Iterable[float]) -> str:
     return f"({', '.join(f'{value:.3g}' for value in values)})"

@@ -83,8 +83,8 @@ class Camera:
 
         The direction through a pixel's middle is ``x * right + y * down + forward``.
         """
-        x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
-        y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
+        x = (np.arange(self.width, dtype=float) + 0.5 - 0.5 * self.width) / self.focal
+        y = (np.arange(self.height, dtype=float) + 0.5 - 0.5 * self.height) / self.focal
         return x, y
 
 

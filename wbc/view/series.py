@@ -60,8 +60,9 @@ def rows_of(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 def moment_series(inertias: Array) -> list[Series]:
     """Return the principal moments of inertias as vech (n, 6) [kg m^2]."""
     moments = np.linalg.eigvalsh([vech_inverse(one) for one in inertias])  # (n, 3) ascending
+    columns = np.asarray(moments, float).T
     return [
-        Series(f"about a{style.INDEX[k]}", style.PRINCIPAL[k], "-", moments[:, k]) for k in range(3)
+        Series(f"about a{style.INDEX[k]}", style.PRINCIPAL[k], "-", columns[k]) for k in range(3)
     ]
 
 

@@ -158,7 +158,7 @@ class InertiaSpec(ErrorTaskSpec):
             raise Misplaced("principal moments take one weight, not a list", "weight")
 
         def current(now: Snapshot) -> Array:
-            return np.linalg.eigvalsh(now.inertia)
+            return np.asarray(np.linalg.eigvalsh(now.inertia), float)
 
         goal = self._principal_goal(current(start))
         settings = self.settings()

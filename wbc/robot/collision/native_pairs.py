@@ -93,9 +93,9 @@ class NativePairs:
         return type(self)._with_places, (*self._arguments, self.arrays["local"], self._corner)
 
     @classmethod
-    def _with_places(cls, *parts: object) -> NativePairs:
+    def _with_places(cls, *parts: Any) -> NativePairs:
         *arguments, local, corner = parts
-        made = cls(*arguments)  # type: ignore[arg-type]
+        made = cls(*arguments)
         made.arrays["local"][:], made._corner[:] = local, corner
         return made
 

@@ -104,7 +104,8 @@ class Sliders:
     def _add_inertia(self, task: TaskInfo, shown: ShownFrame) -> Any:
         rows: tuple[str, ...]
         if task.kind == "principal":
-            base, rows = np.linalg.eigvalsh(shown.snapshot.inertia), PRINCIPAL
+            moments = np.linalg.eigvalsh(shown.snapshot.inertia)
+            base, rows = np.asarray(moments, float), PRINCIPAL
             entries = [np.array([k]) for k in range(3)]
         elif task.rows == ("trace",):
             base, rows = vech(shown.snapshot.inertia_in(task.frame)), ("trace",)
