@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
 
@@ -94,7 +95,7 @@ class PlanProblem:
     """
 
     pendulum: Pendulum  # mass and gravity, and the space
-    schedule: tuple[PlanPhase, ...]  # contact phases in order of time, with different names
+    schedule: Sequence[PlanPhase]  # contact phases in order of time, with different names
     start: State  # fixed components of the first state; the others are free
     goal: State = field(default_factory=State)  # of the last state
     nominal: State = field(default_factory=State)  # towards which the cost pulls the motion
