@@ -249,6 +249,15 @@ def test_a_base_between_the_soles_stays_upright() -> None:
     assert s.com[2] > 0.2
 
 
+def test_joints_that_stand_at_an_end_of_their_ranges_are_told() -> None:
+    """As calves of quadrupeds, of which 0 is out of range: their first steps met the bounds."""
+    text = legged().replace('lower="-1"', 'lower="-1.5"').replace('upper="1"', 'upper="-0.3"', 1)
+    robot = Robot.load(text)
+    assert robot.snapshot(robot.posture("standing")).q[7] == -0.3
+    assert any("'standing' has left_ankle at an end of their" in note for note in robot.notes)
+    assert "right_ankle" not in str(robot.notes)
+
+
 def test_a_robot_that_its_file_lays_down_stands_up() -> None:
     """As in tasks about getting up: the file's own pose of the base is not how it stands."""
     lies = '<body name="trunk" pos="0 0 0.1" quat="0.7071 0 0.7071 0"><freejoint/>'

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
@@ -23,6 +24,7 @@ from wbc.robot.foot_guess import (
 )
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import RobotSource
+from wbc.robot.limits import JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
 from wbc.robot.notes import noted
@@ -122,6 +124,7 @@ def find_stance(
     q = put_on_ground(model, q, soles)
     if found.known is None:
         notes += _notes_below_soles(model, description.geometry, q, soles)
+        notes += _notes_at_ends(closure.limits, q) if soles else ()
     return StandingPose(q, soles, base == "fixed" or bool(bolted), notes)
 
 
@@ -158,6 +161,14 @@ def stance_from_postures(
         return pose
     note = f"'standing' is the key frame {name!r}, since the neutral posture does not stand"
     return pose._replace(notes=(note, *pose.notes))
+
+
+def _notes_at_ends(limits: JointLimits, q: Array) -> tuple[str, ...]:
+    """Return notes of joints whose ranges do not have 0, and begin or end where ``q`` has them."""
+    ends = np.clip(0.0, limits.lower, limits.upper)
+    held = (ends != 0.0) & (q[list(limits.starts)] == ends)
+    told = "'standing' has {} at an end of their ranges; bend them: posture('standing', joints=...)"
+    return noted(told, [name for name, one in zip(limits.names, held, strict=True) if one])
 
 
 def _notes_below_soles(
