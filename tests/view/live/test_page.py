@@ -131,7 +131,8 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     start = robot.snapshot(q)
     # Out of reach: joints run into their limits.
     wide = wbc.InertiaTask(robot, 3.0 * start.inertia, name="a <wide> one")
-    controller = wbc.KinematicController(robot, [wide], limits=wbc.Limits(robot))
+    base = wbc.PoseTask(robot, "base", start.position("base"), start.rotation("base"), weight=0.1)
+    controller = wbc.KinematicController(robot, [wide, base], limits=wbc.Limits(robot))
     at_limit = ""
     for _ in range(400):
         tick = controller.step(robot.snapshot(q))
@@ -147,6 +148,8 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     text = stage.page._panel._html.content
     assert "a &lt;wide&gt; one" in text
     assert "<wide>" not in text
+    off = base.residual(robot.snapshot(q)).error  # of positions and rotations
+    assert f"{np.linalg.norm(off):.3g} m, rad" in text
 
 
 def test_nobody_can_ask_for_a_tunnel(stage: Stage) -> None:

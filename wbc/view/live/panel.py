@@ -84,7 +84,7 @@ def _status(told: TickInfo) -> str:
 
 def _errors(shown: ShownFrame, told: TickInfo) -> str:
     tasks = () if shown.cast is None else shown.cast.tasks
-    units = {task.name: task.units[0] for task in tasks if len(set(task.units)) == 1}
+    units = {task.name: ", ".join(dict.fromkeys(task.units)) for task in tasks}
     lines = [
         _line(escape(name), f"{np.linalg.norm(error):.3g} {escape(units.get(name, ''))}")
         for name, error in told.errors.items()
