@@ -13,8 +13,9 @@ import pytest
 
 from tests.problem.loading import problem_of
 from tests.texts import REACH
-from wbc.errors import InvalidInputError, ModelError
+from wbc.errors import InvalidInputError, ModelError, ProblemFileError
 from wbc.problem import load_problem
+from wbc.problem.replay import replay_run
 from wbc.problem.saved import load_result
 from wbc.robot import Robot
 from wbc.run import Result
@@ -149,3 +150,19 @@ def test_identical_runs_have_identical_bits() -> None:
     assert len({line.rpartition(" ")[0] for line in first}) == 6  # three problems, two solvers
     assert first[::2] == first[1::2]  # each problem and solver twice in a process
     assert first == second
+
+
+def test_where_the_files_of_a_run_elsewhere_are_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot's file was just not there, without a word on the result or on where to go."""
+    there, here = tmp_path / "there", tmp_path / "here"
+    there.mkdir(), here.mkdir()
+    shutil.copy(Robot.load("hoap2_like").path, there / "mine.urdf")
+    (there / "p.yaml").write_text(REACH.replace("hoap2_like", "mine.urdf"))
+    monkeypatch.chdir(there)
+    load_problem("p.yaml", {"stop.duration": 0.01}).run().save("r.npz")
+    monkeypatch.chdir(here)
+    for read, error in ((load_result, ModelError), (replay_run, ProblemFileError)):
+        with pytest.raises(error, match=r"there/r.npz: .*mine.urdf.* ran in a folder with p.yaml"):
+            read(Path("../there/r.npz"))

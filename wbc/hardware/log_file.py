@@ -16,6 +16,7 @@ from wbc.files import read_arrays
 from wbc.hardware.log_row import FAULTS, MODES, log_fields
 from wbc.hardware.ring_log import FORMAT
 from wbc.problem.problem import Problem, problem_of
+from wbc.problem.provenance import files_of
 from wbc.problem.saved import SavedRun
 from wbc.problem.yaml_reader import parse
 from wbc.robot.names import BASE
@@ -54,7 +55,8 @@ class HardwareLog:
         made_of = _made_of(path, content)
         ran = made_of["problem"]
         source = parse(str(ran["text"]), str(ran.get("file") or path))
-        problem = problem_of(source, dict(ran.get("overrides") or {}))
+        with files_of(path, source.name):
+            problem = problem_of(source, dict(ran.get("overrides") or {}))
         if not isinstance(problem, Problem):
             raise InvalidInputError(f"{path}: of a pendulum's problem, which runs on no robot")
         arrays = {name: array for name, array in content.items() if name not in TEXTS}

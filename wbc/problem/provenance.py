@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from wbc import __version__
+from wbc.errors import ModelError, ProblemFileError
 from wbc.files import beside
 from wbc.problem.source import Source
 from wbc.qp.proxqp_workspace import BUILD
@@ -46,6 +48,18 @@ def version_of(package: str) -> str:
 def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem's file, text and overrides, with which it can be run again."""
     return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
+
+
+@contextmanager
+def files_of(path: Path, name: str) -> Iterator[None]:
+    """Where a result's problem ``name`` is not here, say of what does not load where it may be."""
+    try:
+        yield
+    except (ProblemFileError, ModelError) as error:
+        if Path(name).is_absolute() or Path(name).exists():
+            raise
+        told = f"{path}: {error}; it ran in a folder with {name}: go there, its paths begin there"
+        raise type(error)(told) from error
 
 
 def digests_of_files(data: object, folder: Path) -> dict[str, str]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, listed
 from wbc.files import read_arrays
 from wbc.problem.problem import Problem, problem_of
+from wbc.problem.provenance import files_of
 from wbc.problem.saved import FORMATS, LARGEST
 from wbc.problem.saved_parts import read_summary
 from wbc.problem.yaml_reader import parse
@@ -67,7 +68,8 @@ def replay_run(
     if not isinstance(made_of, Mapping):
         raise InvalidInputError(f"{path}: does not hold the problem that it came from")
     name, text = str(made_of.get("file") or path), str(made_of.get("text", ""))
-    problem = problem_of(parse(text, name), dict(made_of.get("overrides") or {}))
+    with files_of(path, name):
+        problem = problem_of(parse(text, name), dict(made_of.get("overrides") or {}))
     with tempfile.TemporaryDirectory(prefix="wbc-") as folder:
         again = Path(folder) / f"again{path.suffix.lower()}"
         result: Any

@@ -14,6 +14,7 @@ from wbc.files import read_arrays
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
 from wbc.problem.pendulum.result import SavedPendulum, motion_names, pendulum_of
+from wbc.problem.provenance import files_of
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.saved_parts import REMEDY, check_arrays, read_summary
 from wbc.problem.walk import read_problem
@@ -110,7 +111,8 @@ def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
     source = parse(str(made_from.get("text", "")), str(made_from.get("file", path)))
     spec = read_problem(apply_overrides(source, made_from.get("overrides") or {}))
     robot = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
-    return robot.load(Path(source.name).parent)
+    with files_of(path, source.name):
+        return robot.load(Path(source.name).parent)
 
 
 def _terrain(path: Path, summary: Mapping[str, Any]) -> Terrain:
