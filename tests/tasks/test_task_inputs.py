@@ -112,6 +112,8 @@ def test_misspelt_keywords_are_refused(hoap2: Robot) -> None:
     for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
         with pytest.raises(UnknownNameError, match="'gian'; did you mean 'gain'"):
             make(hoap2, np.ones(6 if make is MomentumTask else 3), gian=0.3)
+    with pytest.raises(UnknownNameError, match="'axis'; did you mean 'axes'"):
+        PositionTask(hoap2, "left_sole", [0, 0, 0], axis=["x"])
     with pytest.raises(UnknownNameError, match="'position_cost'; did you mean 'weight'"):
         ComTask(hoap2, np.ones(3), position_cost=1.0)
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from inspect import isfunction
+from inspect import isfunction, signature
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
@@ -147,7 +147,9 @@ class Task(DeclaredAttributes, ABC):
         self.priority = priority
         for key in law:
             if key not in FIRST_ORDER | SECOND_ORDER:
-                known = {"weight", "priority", "name"} | FIRST_ORDER | SECOND_ORDER
+                own = signature(type(self)).parameters.values()  # such as a PositionTask's axes
+                known = {one.name for one in own if one.kind is one.KEYWORD_ONLY}
+                known |= {"weight", "priority", "name"} | FIRST_ORDER | SECOND_ORDER
                 raise UnknownNameError(f"keyword of {self}", key, known)
         if law.get("gain_per_second") is not None and "gain" in law:
             raise InvalidInputError(f"{self}: give gain or gain_per_second, not both")
