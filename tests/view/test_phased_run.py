@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from wbc.robot import Robot
 from wbc.view import run_figure
+from wbc.view.series import shortened
 
 
 def changed(run: Run, **changes: object) -> Run:
@@ -57,8 +58,10 @@ def test_every_phase_is_drawn_and_marked(hoap2: Robot, run: Run) -> None:
 
 def test_long_names_are_shortened(hoap2: Robot, run: Run) -> None:
     figure = run_figure(hoap2, changed(run, phase=["x" * 200] * 31), title="")
-    assert titles(figure)[1].startswith(f"1  {'x' * 19}…, 3.0 s")
-    assert plots(figure)[0].texts[-1].get_text() == f"1  {'x' * 19}…"
+    assert titles(figure)[1].startswith(f"1  {'x' * 10}…{'x' * 9}, 3.0 s")
+    assert plots(figure)[0].texts[-1].get_text() == f"1  {'x' * 10}…{'x' * 9}"
+    cones = {shortened(f"front_left_sole corner 0 friction at {k} deg") for k in (0, 90, 180)}
+    assert len(cones) == 3 and {len(one) for one in cones} == {20}
     wide = [axes.get_position().width for axes in figure.axes if axes.get_images()]
     np.testing.assert_allclose(wide, 0.25)  # two pictures are not drawn larger than four
 
