@@ -81,5 +81,5 @@ def test_an_imu_may_be_mounted_anyhow_and_what_is_rejected_is_told(hoap2, rng) -
     last = reading(251, jump=0.5)
     for _ in range(2):  # where a controller begins
         mounted.update(last)
-    told = f"estimate, 1 times: joint {hoap2.joint_names[3]}: position jumped; held"
+    told = f"estimate, once: joint {hoap2.joint_names[3]}: position jumped; held"
     assert mounted.notes == (told,)

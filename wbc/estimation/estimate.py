@@ -137,4 +137,5 @@ def count_notes(told: MutableMapping[str, int], notes: Sequence[str]) -> None:
 def frequent_notes(told: MutableMapping[str, int]) -> tuple[str, ...]:
     """Return the most frequent kinds of notes, and how often they were made, in words."""
     frequent = sorted(told.items(), key=lambda one: -one[1])[:MAX_KINDS]
-    return tuple(f"estimate, {count} times: {note}" for note, count in frequent)
+    often = (("once" if count == 1 else f"{count} times", note) for note, count in frequent)
+    return tuple(f"estimate, {count}: {note}" for count, note in often)
