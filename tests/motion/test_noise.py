@@ -274,6 +274,17 @@ def test_uneven_times_are_resampled(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(resample(time, sines(time), grid), sines(grid), atol=2e-6)
 
 
+JITTERING = TIME + 1e-3 * np.sin(np.arange(len(TIME)) ** 2)
+
+
+@pytest.mark.parametrize("time", [JITTERING, np.round(np.arange(90) / 30.0, 3)])
+def test_uneven_times_are_resampled_onto_as_many(time: np.ndarray) -> None:
+    """They were taken for even ones, the rows of 3 s at 30 Hz for those of 2.97 s."""
+    grid = even_grid(time)[0]
+    assert len(grid) == len(time)
+    np.testing.assert_allclose(resample(time, sines(time), grid), sines(grid), atol=1e-4)
+
+
 def test_even_times_are_kept() -> None:
     rounded = np.round(TIME + 7.0, 6)
     assert len(even_grid(rounded)[0]) == len(rounded)

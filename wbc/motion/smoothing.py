@@ -223,7 +223,7 @@ def even_grid(time: Array) -> tuple[Array, float]:
     count = len(time) - 1
     step = float(time[-1] - time[0]) / count
     grid = np.asarray(time[0] + step * np.arange(count + 1))
-    if np.abs(time - grid).max() > EVEN_TOLERANCE * step:
+    if not _same_times(time, grid):
         grid = sample_times(time, 1.0 / float(np.median(np.diff(time))))
     return grid, (len(grid) - 1) / float(grid[-1] - grid[0])
 
@@ -242,9 +242,17 @@ def sample_times(time: Array, rate: float) -> Array:
 
 def resample(time: Array, values: Array, grid: Array) -> Array:
     """Return values (m, k) at the times of a grid, by a cubic spline through (n, k)."""
-    if len(grid) == len(time):
+    if _same_times(time, grid):
         return values
     return np.asarray(make_interp_spline(time, values, k=3)(grid))
+
+
+def _same_times(time: Array, grid: Array) -> bool:
+    """Return whether times (n,) are those of an even grid, but for rounding."""
+    if len(time) != len(grid):
+        return False
+    most = EVEN_TOLERANCE * float(grid[-1] - grid[0]) / (len(grid) - 1)
+    return float(np.abs(time - grid).max()) <= most
 
 
 def angular_rates(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:
