@@ -68,6 +68,26 @@ def test_the_offset_is_that_of_many_steps_ahead(
     assert found == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize("elapsed", [0.0, 0.1])
+def test_a_steady_turning_walk_is_left_alone(legs: Legs, elapsed: float) -> None:
+    """The next foot's offset was turned by too little, by the double support's part: 2 mm."""
+    gait, velocity = GaitSettings.of(legs), Velocity(0.4, 0.1, 0.6)
+    planner, omega, T = planner_of(legs, gait), gait.omega, gait.times.total
+    turns = [velocity.yaw_rate * k * T for k in range(31)]
+    feet = ["left", "right"] * 15
+    steps = [
+        nominal_step(gait, foot, turn, velocity) for foot, turn in zip(feet, turns, strict=False)
+    ]
+    first, second, *_ = dcm_offsets(steps, gait.times, omega)
+    places = {"left": np.zeros(3), "right": np.append(as_array(steps[0]), 0.0)}
+    now = GaitState(first * np.exp(omega * elapsed), places, dict.fromkeys(SIGN, np.eye(3)))
+    phase = on_one_foot("left", elapsed, gait.single - elapsed)
+    after = planner.adapt(phase, now, velocity.yaw_rate * elapsed, velocity)
+    assert after.goal == pytest.approx(steps[0], abs=1e-6)
+    assert after.offset == pytest.approx(second, abs=1e-9)
+    assert after.left == pytest.approx(gait.single - elapsed, abs=1e-6)
+
+
 def test_the_leading_foot_begins() -> None:
     assert first_swing(Velocity(0.0, 0.2, 0.0)) == "left"
     assert first_swing(Velocity(0.3, -0.1, 1.0)) == "right"

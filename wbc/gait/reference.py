@@ -251,9 +251,9 @@ class StepPlanner:
         else:
             yaw, weights = heading, WEIGHTS
             stance_heading = heading - velocity.yaw_rate * phase.elapsed
-            landing_heading = heading + velocity.yaw_rate * phase.left
+            next_heading = heading + velocity.yaw_rate * (phase.left + double)  # as it lifts off
             to_next = nominal_step(gait, support, stance_heading, velocity)
-            offset = nominal_offset(gait, other(support), landing_heading, velocity)
+            offset = nominal_offset(gait, other(support), next_heading, velocity)
         rotation = cmath.rect(1.0, yaw)
         to_stance = rotation.conjugate()  # to the axes of the stance foot
 
