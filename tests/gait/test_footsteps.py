@@ -7,7 +7,7 @@ from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets, in_plane
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, first_swing, nominal_offset, nominal_step, other
-from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing
+from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing, landing_pose
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import SwingFoot, turned
 from wbc.robot import Robot
@@ -69,23 +69,26 @@ def test_the_offset_is_that_of_many_steps_ahead(
 
 
 @pytest.mark.parametrize("elapsed", [0.0, 0.1])
-def test_a_steady_turning_walk_is_left_alone(legs: Legs, elapsed: float) -> None:
-    """The next foot's offset was turned by too little, by the double support's part: 2 mm."""
+def test_a_steady_turn_that_faces_where_it_goes_is_left_alone(legs: Legs, elapsed: float) -> None:
+    """Half way through a single support the robot is over its foot, and faces as that does.
+
+    Steps were those of its lift-off: the robot went aside, to the outside of its turn.
+    """
     gait, velocity = GaitSettings.of(legs), Velocity(0.4, 0.1, 0.6)
-    planner, omega, T = planner_of(legs, gait), gait.omega, gait.times.total
-    turns = [velocity.yaw_rate * k * T for k in range(31)]
-    feet = ["left", "right"] * 15
+    planner, rate, T = planner_of(legs, gait), velocity.yaw_rate, gait.times.total
     steps = [
-        nominal_step(gait, foot, turn, velocity) for foot, turn in zip(feet, turns, strict=False)
+        nominal_step(gait, ("left", "right")[k % 2], rate * k * T, velocity) for k in range(30)
     ]
-    first, second, *_ = dcm_offsets(steps, gait.times, omega)
+    first, second, *_ = dcm_offsets(steps, gait.times, gait.omega)
     places = {"left": np.zeros(3), "right": np.append(as_array(steps[0]), 0.0)}
-    now = GaitState(first * np.exp(omega * elapsed), places, dict.fromkeys(SIGN, np.eye(3)))
-    phase = on_one_foot("left", elapsed, gait.single - elapsed)
-    after = planner.adapt(phase, now, velocity.yaw_rate * elapsed, velocity)
+    now = GaitState(first * np.exp(gait.omega * elapsed), places, dict.fromkeys(SIGN, np.eye(3)))
+    phase, heading = on_one_foot("left", elapsed, gait.single - elapsed), rate * elapsed
+    after = planner.adapt(phase, now, heading - 0.5 * rate * gait.single, velocity)
     assert after.goal == pytest.approx(steps[0], abs=1e-6)
     assert after.offset == pytest.approx(second, abs=1e-9)
     assert after.left == pytest.approx(gait.single - elapsed, abs=1e-6)
+    lands = landing_pose(after, heading - 0.5 * rate * gait.single, velocity, gait)
+    assert lands[2] == pytest.approx(rate * T)
 
 
 def test_the_leading_foot_begins() -> None:

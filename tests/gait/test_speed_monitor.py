@@ -1,5 +1,6 @@
 """Whether a walking robot sustains its speed, and what it does if not."""
 
+import cmath
 import dataclasses
 import math
 
@@ -67,6 +68,32 @@ def test_a_step_may_have_the_speed_of_the_one_before_while_the_command_changes()
 def test_at_rest_a_small_sway_is_none():
     _, said = steps(0.0, [0.0] * 8, [0.05, -0.05] * 4)
     assert set(said) == {(False, None)}
+
+
+def test_in_a_turn_steps_of_the_outer_foot_are_longer() -> None:
+    """A G1's at 0.48 m/s and 1.14 rad/s, its feet 0.24 m apart: it was slowed down to a half."""
+    monitor, _ = steps(0.0, [0.48] * 4)
+    for speed in (0.34, 0.503):
+        com, ended = monitor.start + speed * STEP * AHEAD, monitor._replace(duration=STEP)
+        ended = ended._replace(commanded=0.48 * STEP)
+        assert ended.deviation(com, AHEAD, 1.14 * 0.24) is None
+    assert ended.deviation(monitor.start + 0.25 * STEP * AHEAD, AHEAD, 1.14 * 0.24)
+
+
+@pytest.mark.slow
+def test_a_robot_that_turns_goes_where_it_faces_as_fast_as_it_is_told() -> None:
+    """It went 8 degrees aside, was taken to be slow, and slowed down to a half of that for good."""
+    walker, command = Walker(load("g1")), Velocity(0.6, 0.0, 0.9)
+    plant, limit = Plant(walker.robot, dt=walker.dt), walker.limits.forwards
+    walk = ScheduledWalk(walker, [TimedCommand(0.1, command)], lambda: plant.felt_forces)
+    ways = []
+    for now in simulate(walker.controller, plant, 6.0, update=walk.update):
+        com = now.snapshot.com_velocity
+        turn = cmath.rect(1.0, -walker.heading)
+        ways += [complex(com[0], com[1]) * turn] if plant.time > 2.4 else []
+    way = sum(ways) / len(ways)
+    assert walker.limits.forwards == limit and walker.velocity == command
+    assert abs(way.imag) < 0.04 * way.real and way.real > 0.9 * command.vx
 
 
 def test_nothing_is_judged_at_the_start_and_after_a_push():

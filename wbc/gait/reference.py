@@ -115,7 +115,7 @@ class StepPlanner:
         elif coming:
             last = end + prescribed_dcm_offsets(end, coming, self.gait)[0]
         else:
-            ahead = heading + velocity.yaw_rate * left
+            ahead = heading + velocity.yaw_rate * (left + 0.5 * self.gait.single)
             last = end + nominal_offset(self.gait, phase.support, ahead, velocity)
         segment = VrpSegment(phase.start, end, phase.duration)
         wait = max(left - phase.duration, 0.0)
@@ -183,7 +183,7 @@ class StepPlanner:
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase ``dt`` later, and the swing foot's reference."""
-        goal = landing_pose(phase, heading, velocity)
+        goal = landing_pose(phase, heading, velocity, self.gait)
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
@@ -250,8 +250,8 @@ class StepPlanner:
             offset = prescribed_dcm_offsets(base, phase.given, gait)[1]
         else:
             yaw, weights = heading, WEIGHTS
-            stance_heading = heading - velocity.yaw_rate * phase.elapsed
-            next_heading = heading + velocity.yaw_rate * (phase.left + double)  # as it lifts off
+            stance_heading = heading + velocity.yaw_rate * (0.5 * single - phase.elapsed)
+            *_, next_heading = landing_pose(phase, heading, velocity, gait)
             to_next = nominal_step(gait, support, stance_heading, velocity)
             offset = nominal_offset(gait, other(support), next_heading, velocity)
         rotation = cmath.rect(1.0, yaw)

@@ -15,8 +15,9 @@ from typing import NamedTuple, Self
 # below 0.45, those that fall are above it for two steps and more before.
 FILTER_TIME, STRAIN = 1.0, 0.5
 # The mean speed over a step may differ from those commanded in it and in the step before by this
-# part, and by this part of sqrt(g h).
-DEVIATION, SMALL_DEVIATION = 0.2, 0.05
+# part, or by this part of sqrt(g h). In a turn, where steps of the outer foot are longer, also by
+# this part of the feet's difference in speed.
+DEVIATION, SMALL_DEVIATION, UNEVEN = 0.2, 0.05, 0.25
 # Larger observed accelerations are pushes [g]. For PUSH_TIME after one, and for CHANGE_TIME after
 # the start and each reduction, nothing is judged [1/omega].
 PUSH, PUSH_TIME, CHANGE_TIME = 0.06, 6.0, 3.0
@@ -86,19 +87,21 @@ class SpeedMonitor(NamedTuple):
         """Whether hips or knees are at their torque limits for too long."""
         return self.strain > STRAIN and not self.unjudged
 
-    def deviation(self, com: complex, ahead: complex) -> float | None:
+    def deviation(self, com: complex, ahead: complex, outer: float = 0.0) -> float | None:
         """Return the speed of the step that ends [m/s] if it is not the commanded one, or None.
 
         Parameters
         ----------
         com, ahead:
-            CoM at the landing [m], and unit vector of the heading, as x + i y.
+            CoM at the landing [m], and unit vector of the step's mean heading, as x + i y.
+        outer:
+            How much faster the outer foot goes than the inner one [m/s].
         """
         if self.start is None or self.unjudged:
             return None
         speed = ((com - self.start) * ahead.conjugate()).real / self.duration
         least, most = sorted((self.before, self.commanded / self.duration))
-        small = SMALL_DEVIATION * self.gravity / self.omega
-        least -= max(DEVIATION * abs(least), small)
-        most += max(DEVIATION * abs(most), small)
+        small, uneven = SMALL_DEVIATION * self.gravity / self.omega, UNEVEN * outer
+        least -= max(DEVIATION * abs(least), small) + uneven
+        most += max(DEVIATION * abs(most), small) + uneven
         return None if least <= speed <= most else speed

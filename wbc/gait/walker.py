@@ -342,7 +342,8 @@ class Walker:
             other foot or on it. The message names the value and its range.
         """
         check_snapshot(self.robot, snapshot)
-        feet = feet_after(self.phase, self._measured(snapshot), self.heading, self.velocity)
+        now, heading = self._measured(snapshot), self.heading
+        feet = feet_after(self.phase, now, heading, self.velocity, self.gait)
         begins = next_foot(self.phase)
         self.coming = self._range.admitted(
             footsteps, feet, begins, relative=relative, ground=ground
@@ -498,8 +499,9 @@ class Walker:
 
     def _judge_step(self, snapshot: Snapshot) -> None:
         """Slow down if a step was made at another speed than commanded."""
-        com = in_plane(snapshot.com)
-        speed = self._monitor.deviation(com, cmath.rect(1.0, self.heading))
+        com, rate = in_plane(snapshot.com), self.velocity.yaw_rate
+        ahead = cmath.rect(1.0, self.heading - 0.5 * rate * self._monitor.duration)
+        speed = self._monitor.deviation(com, ahead, abs(rate) * self.gait.width)
         self._monitor = self._monitor.land(com)
         if speed is not None:
             self._slow_down(f"a step was made at {speed:.2f} m/s")
