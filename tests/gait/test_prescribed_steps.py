@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
+from wbc.gait.footsteps import SIGN, other
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
 from wbc.gait.prescribed_steps import Landing, in_world, prescribed_dcm_offsets, velocity_for
 from wbc.gait.step_range import StepRange
@@ -351,3 +352,23 @@ def test_a_push_on_the_last_footstep_takes_further_steps(g1_27: Robot) -> None:
     plant.push("torso_link", (0.0, -100.0, 0.0), start=plant.time + 0.15, duration=0.1)
     simulated(walker, plant, 2)
     assert len(walker.landings) == 4
+
+
+@pytest.mark.slow
+def test_footsteps_that_follow_a_turn_face_as_the_foot_lands_whose_turn_ends(hoap2: Robot) -> None:
+    """Relative to a foot in the air, whose turn was taken to go on: 0.16 rad off."""
+    walker, plant = Walker(hoap2, dt=0.002), Plant(hoap2, dt=0.002)
+    walker.command(0.05, 0.0, 0.8)
+
+    def step() -> None:
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+
+    while not (walker.steps > 1 and isinstance(walker.phase, SingleSupport)):
+        step()
+    foot, made = walker.phase.support, walker.steps
+    beside = SIGN[foot] * walker.gait.width
+    (wanted,) = walker.follow([Footstep(foot, 0.02, beside)], plant.snapshot(), relative=True)
+    while walker.steps == made:
+        step()
+    landed = sole_poses(plant.snapshot())[other(foot)]
+    assert abs(wanted.seen_from(landed).yaw) < 0.02

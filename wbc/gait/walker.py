@@ -342,8 +342,13 @@ class Walker:
             other foot or on it. The message names the value and its range.
         """
         check_snapshot(self.robot, snapshot)
-        now, heading = self._measured(snapshot), self.heading
-        feet = feet_after(self.phase, now, heading, self.velocity, self.gait)
+        now, heading, velocity = self._measured(snapshot), self.heading, self.velocity
+        if isinstance(self.phase, SingleSupport):  # its turn ends from now on, as it lands
+            left, rate = max(self.phase.left, 0.0), velocity.yaw_rate
+            velocity = velocity.towards(Velocity(), 0.0, YAW_ACCELERATION * left)
+            slowing = min(left, abs(rate) / YAW_ACCELERATION)
+            heading += 0.5 * (rate + velocity.yaw_rate) * slowing - velocity.yaw_rate * left
+        feet = feet_after(self.phase, now, heading, velocity, self.gait)
         begins = next_foot(self.phase)
         self.coming = self._range.admitted(
             footsteps, feet, begins, relative=relative, ground=ground
