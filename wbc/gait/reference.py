@@ -27,8 +27,9 @@ from wbc.validate import Array
 # Longest swing, as a ratio of its nominal time.
 MAX_TIME_RATIO = 1.3
 # Largest acceleration of a swing foot in a recovery step, as a ratio of what the hips give: above
-# 1, as pelvis and trunk yield, too. At 0.5 a G1 falls of 100 N pushes towards the stance foot.
-CATCH_ACCELERATION = 1.5
+# 1, as pelvis and trunk yield, too. At 1.5 a G1 survives pushes from the sides that are smaller by
+# an eighth, at 2.6 a TALOS ones from the front.
+CATCH_ACCELERATION = 2.0
 # Part of the sole's half size within which the planner places the CoP.
 SOLE_SHARE = 0.6
 # Shortest recovery step, as a ratio of the nominal swing time: unloading and lifting the foot; the
