@@ -6,14 +6,22 @@ import numpy as np
 import pytest
 
 from wbc.gait import adaptation
-from wbc.gait.adaptation import Reach, StepBounds, StepPlan, held_back_by
+from wbc.gait.adaptation import StepBounds, StepPlan, held_back_by
 from wbc.gait.dcm import StepTimes, VrpSegment, dcm_offsets
+from wbc.native import lib
 
 OMEGA, TIMES = 3.9, StepTimes(0.4, 0.05)
 STEP = np.array((0.3, -0.2))
-ANYWHERE = Reach(STEP, np.zeros(2), 1e3)
 BOUNDS = StepBounds(
-    np.array((-0.5, -0.5)), np.array((0.5, -0.1)), 0.1, 0.5, np.array((0.05, 0.02)), ANYWHERE, 0.2
+    np.array((-0.5, -0.5)),
+    np.array((0.5, -0.1)),
+    0.1,
+    0.5,
+    np.array((0.05, 0.02)),
+    foot=STEP,
+    rate=np.zeros(2),
+    acceleration=1e3,
+    about=0.2,
 )
 
 
@@ -23,9 +31,16 @@ def nominal(left: float) -> StepPlan:
     return StepPlan(STEP, left, dcm_offsets(steps[1:], TIMES, OMEGA)[0], np.zeros(2))
 
 
-def adapt_step(dcm: np.ndarray, *given: object) -> StepPlan:
-    """Return the plan, points as arrays."""
-    plan = adaptation.adapt_step(dcm, *given)
+def adapt_step(
+    dcm: np.ndarray, nominal: StepPlan, bounds: StepBounds, *pendulum: float
+) -> StepPlan:
+    """Return the plan, points as arrays; they are given as such."""
+
+    def plain(*parts: object) -> list[object]:
+        return [tuple(part) if isinstance(part, np.ndarray) else part for part in parts]
+
+    given = StepPlan(*plain(*nominal)), StepBounds(*plain(*bounds))
+    plan = adaptation.adapt_step(tuple(dcm), *given, *pendulum)
     points = {name: np.array(getattr(plan, name)) for name in ("place", "offset", "vrp")}
     return plan._replace(**points)
 
@@ -85,44 +100,54 @@ def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(
     time: float, rate: float
 ) -> None:
     a = 40.0
-    h, c = map(np.array, Reach(np.zeros(2), np.array((rate, 0.0)), a).rows(time))
-    most, _, least, _ = h * time + c  # of u and -u
-    if rate == 0.0:
-        assert np.abs(least_jerk(most, 0.0, time)).max() == pytest.approx(a, rel=1e-5)
-        assert least == most
-    middle = 0.5 * (most - least)
+    lower, upper = (lib.wbc_rest_range * a * time**2 * sign for sign in (-1.0, 1.0))
+    assert np.abs(least_jerk(upper, 0.0, time)).max() == pytest.approx(a, rel=1e-5)
+    middle = 0.5 * time * rate
     stopping = np.abs(least_jerk(middle, rate, time)).max()
     assert stopping == pytest.approx(1.5 * rate / time, rel=1e-5, abs=1e-9)
+    box = (middle + lower, -1.0), (middle + lower, 1.0)
+    least = lib.wbc_rest_time(a, (0.0, 0.0), (rate, 0.0), *box)
+    assert rate > 0.0 or least == pytest.approx(time)
+
+
+def ways(bounds: StepBounds, time: float) -> np.ndarray:
+    """Return how far x, y, -x, -y can be where the foot rests within a time."""
+    middle = bounds.foot + 0.5 * time * bounds.rate
+    spread = lib.wbc_rest_range * bounds.acceleration * time**2
+    return np.concatenate((middle, -middle)) + spread
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_foot_is_between_its_bounds_from_the_least_time_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    reach = Reach(rng.normal(scale=0.3, size=2), rng.normal(size=2), 30.0)
-    least = reach.min_time(BOUNDS.lower, BOUNDS.upper)
-    stop = 1.5 * np.abs(reach.rate).max() / 30.0
+    foot = BOUNDS._replace(
+        foot=rng.normal(scale=0.3, size=2), rate=rng.normal(size=2), acceleration=30.0
+    )
+    start = tuple(foot.foot), tuple(foot.rate)
+    least = lib.wbc_rest_time(30.0, *start, tuple(foot.lower), tuple(foot.upper))
+    stop = 1.5 * np.abs(foot.rate).max() / 30.0
 
     def can(time: float) -> bool:
-        h, c = map(np.array, reach.rows(time))
-        most = h * time + c
+        most = ways(foot, time)
         return bool((most[:2] >= BOUNDS.lower).all() and (-most[2:] <= BOUNDS.upper).all())
 
     assert all(can(time) for time in np.linspace(least + 1e-6, least + 1.0, 50))
     assert least == pytest.approx(stop) or not can(least - 1e-6)
+    plan = adapt_step(steady_dcm(0.01), nominal(0.01), foot, OMEGA, TIMES.double)
+    assert plan.left >= least
 
 
 def test_a_foot_that_is_far_off_takes_its_time() -> None:
     """Though it should land at once, it may not: a swing that fails is worse than a late one."""
-    behind = Reach(STEP - (0.6, 0.0), np.zeros(2), 40.0)
-    bounds = BOUNDS._replace(reach=behind, about=0.3)
+    bounds = BOUNDS._replace(foot=STEP - (0.6, 0.0), acceleration=40.0, about=0.3)
     dcm = steady_dcm(0.3) + (0.05, -0.1)
     hasty = adapt_step(dcm, nominal(0.3), BOUNDS, OMEGA, TIMES.double)
     plan = adapt_step(dcm, nominal(0.3), bounds, OMEGA, TIMES.double)
     assert plan.left > hasty.left + 0.02
-    h, c = map(np.array, behind.rows(0.3))
-    sigma = math.exp(OMEGA * (plan.left - 0.3))
-    ways = np.concatenate((plan.place, -plan.place))
-    assert (ways <= h * (0.3 + (sigma - 1.0) / OMEGA) + c + 1e-7).all()
+    slope = (ways(bounds, 0.4) - ways(bounds, 0.2)) / 0.2  # at 0.3 s
+    later = math.expm1(OMEGA * (plan.left - 0.3)) / OMEGA
+    planned = np.concatenate((plan.place, -plan.place))
+    assert (planned <= ways(bounds, 0.3) + slope * later + 1e-7).all()
 
 
 def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
@@ -131,16 +156,16 @@ def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
     unsolved = 0
     for _ in range(200):
         left = float(rng.uniform(0.1, 0.4))
-        reach = Reach(rng.normal(size=2), 3.0 * rng.normal(size=2), rng.uniform(5.0, 60.0))
-        least = max(0.1, reach.min_time(BOUNDS.lower, BOUNDS.upper))
-        bounds = BOUNDS._replace(min_time=least, max_time=max(least, 0.5), reach=reach)
-        bounds = bounds._replace(about=min(max(left, least), bounds.max_time))
+        foot, rate, most = rng.normal(size=2), 3.0 * rng.normal(size=2), rng.uniform(5.0, 60.0)
+        bounds = BOUNDS._replace(foot=foot, rate=rate, acceleration=most, about=left)
+        box = tuple(bounds.lower), tuple(bounds.upper)
+        least = max(0.1, lib.wbc_rest_time(most, tuple(foot), tuple(rate), *box))
         plan = adapt_step(3.0 * rng.normal(size=2), nominal(left), bounds, OMEGA, TIMES.double)
         unsolved += not plan.adapted
         assert np.isfinite(np.concatenate((plan.place, plan.offset, plan.vrp))).all()
         assert (plan.place >= bounds.lower - 1e-6).all()
         assert (plan.place <= bounds.upper + 1e-6).all()
-        assert bounds.min_time <= plan.left <= bounds.max_time
+        assert least <= plan.left <= max(least, bounds.max_time)
     assert unsolved < 20
 
 
@@ -173,7 +198,7 @@ def test_what_holds_a_step_back_is_named(push: tuple[float, float], names: tuple
     turned = BOUNDS._replace(
         lower=np.array((-0.5, 0.1)),
         upper=np.array((0.5, 0.5)),
-        reach=Reach(STEP * mirror, np.zeros(2), 1e3),
+        foot=STEP * mirror,
     )
     wanted = nominal(0.3)
     wanted = wanted._replace(place=wanted.place * mirror, offset=wanted.offset * mirror)

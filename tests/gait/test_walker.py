@@ -3,15 +3,16 @@
 import re
 from copy import copy, deepcopy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.gait import GaitSettings
+from wbc.gait import GaitSettings, adaptation
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
-from wbc.qp.active_set import ActiveSet
+from wbc.qp.solution import Status
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant, Sensors, Step, Terrain, simulate
 
@@ -207,7 +208,9 @@ def test_a_footstep_without_solution_is_counted_and_said(
     assert walker.unadapted == 0 and not caplog.records
     left = walker.phase.left
 
-    monkeypatch.setattr(ActiveSet, "solve_flat", lambda solver, flat: None)
+    unsolved = SimpleNamespace(status=Status.ITERATION_LIMIT)
+    hopeless = SimpleNamespace(eps=-1.0, max_iterations=1, solve=lambda qp, quick: unsolved)
+    monkeypatch.setattr(adaptation, "SOLVER", hopeless)
     for k in range(3):
         walker.prepare(here)
         assert walker.unadapted == k + 1 and not walker.phase.adapted

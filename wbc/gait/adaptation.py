@@ -14,19 +14,21 @@ Trans. Robotics 36(3), 2020, to which a double support and a foot of finite size
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from wbc.gait.dcm import shift_gain
-from wbc.native import lib
+from wbc.native import ffi, lib
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.core import FlatForm, FlatQP
-from wbc.qp.problem import Labels
+from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Status
 
 VARIABLES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
 ROW_LABELS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
-FORM = FlatForm(Labels(("dcm x", "dcm y"), ROW_LABELS, VARIABLES))
+LABELS = Labels(("dcm x", "dcm y"), ROW_LABELS, VARIABLES)
+A_FOOTSTEP = ffi.typeof("wbc_footstep *")
 SOLVER = ActiveSet()
 # What limits a footstep, named by active bounds on u and sigma (lower, upper) and active rows.
 BINDING_BOUNDS = (
@@ -43,36 +45,6 @@ REST_RANGE: float = lib.wbc_rest_range
 Pair = tuple[float, float]
 
 
-class Reach(NamedTuple):
-    """Where the swing foot can come to rest within a time T, at a limited acceleration a.
-
-    On each axis that is place + T/2 rate +- a T^2 sqrt(3)/10.
-
-    Attributes
-    ----------
-    place, rate:
-        (2,) position and velocity of the swing foot, in the stance foot's axes [m, m/s].
-    acceleration:
-        Largest on each axis [m/s^2].
-    """
-
-    place: Pair
-    rate: Pair
-    acceleration: float
-
-    def min_time(self, lower: Pair, upper: Pair) -> float:
-        """Return the shortest time [s] to come to rest in the box of corners (2,)."""
-        pairs = tuple(self.place), tuple(self.rate), tuple(lower), tuple(upper)
-        return float(lib.wbc_rest_time(self.acceleration, *pairs))
-
-    def rows(self, time: float) -> tuple[list[float], list[float]]:
-        """Return h (4,), c (4,) of (u, -u) <= h T + c: the reach linearised at T = ``time``."""
-        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
-        slope, offset = 2.0 * k * time, k * time**2
-        h = [slope + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
-        return h, [place - offset for place in (x, y, -x, -y)]
-
-
 class StepBounds(NamedTuple):
     """Bounds of the next footstep, in the stance foot's axes.
 
@@ -81,13 +53,15 @@ class StepBounds(NamedTuple):
     lower, upper:
         (2,) of the next foot's place [m].
     min_time, max_time:
-        Of the remaining swing time [s].
+        Of the remaining swing time; later if the swing foot cannot be there so soon [s].
     sole:
         (2,) how far the VRP may move within the stance foot, either way [m].
-    reach:
-        Of the swing foot.
+    foot, rate, acceleration:
+        (2,) where the swing foot is, and its velocity, and the largest acceleration on each axis:
+        within T it can come to rest at foot + T/2 rate +- acceleration T^2 sqrt(3)/10 [m, m/s,
+        m/s^2].
     about:
-        The remaining swing time at which the reach is linearised: as planned last [s].
+        The remaining swing time at which that is linearised: as planned last [s].
     """
 
     lower: Pair
@@ -95,7 +69,9 @@ class StepBounds(NamedTuple):
     min_time: float
     max_time: float
     sole: Pair
-    reach: Reach
+    foot: Pair
+    rate: Pair
+    acceleration: float
     about: float
 
 
@@ -140,33 +116,6 @@ class StepPlan(NamedTuple):
     multipliers: Multipliers | None = None
 
 
-def step_qp(
-    dcm: Pair,
-    nominal: StepPlan,
-    bounds: StepBounds,
-    omega: float,
-    double: float,
-    weights: StepWeights,
-) -> FlatQP:
-    """Return the QP in x = (u, sigma / sigma_0, b, w), as source/footstep.c writes it.
-
-    Parameters
-    ----------
-    dcm:
-        (2,) from the stance foot, in its axes [m].
-    nominal:
-        The plan whose deviation is the cost; its ``vrp`` too.
-    """
-    slopes, offsets = bounds.reach.rows(bounds.about)
-    step = *dcm, *nominal.place, nominal.left, *nominal.offset, *nominal.vrp
-    times, sole = (bounds.min_time, bounds.max_time), bounds.sole
-    box = *bounds.lower, *bounds.upper, *times, *sole, *slopes, *offsets, bounds.about
-    pendulum = omega, double, shift_gain(omega, double)
-    numbers = FORM.memory()
-    lib.wbc_footstep((*step, *box, *pendulum, *weights), numbers)
-    return FlatQP(numbers, FORM)
-
-
 def adapt_step(
     dcm: Pair,
     nominal: StepPlan,
@@ -178,19 +127,45 @@ def adapt_step(
     """Return the footstep nearest to ``nominal`` that captures the DCM.
 
     Where the QP is not solved (its feasible set may be a single point), return the nominal one
-    clipped to its bounds, with ``adapted=False``: it need not catch the robot.
+    clipped to its bounds, with ``adapted=False``: it need not catch the robot. See
+    source/footstep.c.
+
+    Parameters
+    ----------
+    dcm:
+        (2,) from the stance foot, in its axes [m].
     """
-    solution = SOLVER.solve_flat(step_qp(dcm, nominal, bounds, omega, double, weights))
-    if solution is None:
-        (x, y), low, high = nominal.place, bounds.lower, bounds.upper
-        place = min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1])
-        left = min(max(nominal.left, bounds.min_time), bounds.max_time)
-        return StepPlan(place, left, nominal.offset, nominal.vrp, adapted=False)
-    (ux, uy, growth, bx, by, wx, wy), z, z_box = solution
-    sigma = max(growth * math.exp(omega * nominal.left), 1e-9)
-    left = min(max(math.log(sigma) / omega, bounds.min_time), bounds.max_time)
-    scale = math.expm1(omega * left)
-    return StepPlan((ux, uy), left, (bx, by), (wx / scale, wy / scale), multipliers=(z, z_box))
+    pendulum = omega, double, shift_gain(omega, double)
+    step = ffi.new(A_FOOTSTEP, (dcm, *nominal[:4], *bounds, *pendulum, weights))
+    adapted = solve_step(step)
+    multipliers = (list(step.z), list(step.z_box)) if adapted else None
+    place, offset, vrp = (tuple(pair) for pair in (step.place, step.offset, step.vrp))
+    return StepPlan(place, step.left, offset, vrp, adapted, multipliers)
+
+
+def solve_step(step: Any) -> bool:
+    """Plan a ``wbc_footstep``; return whether its QP was solved."""
+    if lib.wbc_solve_footstep(step, SOLVER.eps, SOLVER.max_iterations) == lib.DONE:
+        return True
+    # Again, to the accuracy that its numbers let have.
+    found = SOLVER.solve(qp_of(step), quick=True)
+    solved = found.status is Status.SOLVED
+    if solved:
+        step.x, step.z, step.z_box = (part.tolist() for part in (found.x, found.z, found.z_box))
+    lib.wbc_place_footstep(step, solved)
+    return solved
+
+
+def qp_of(step: Any) -> QP:
+    """Return the QP of a ``wbc_footstep``, in x = (u, sigma / sigma_0, b, w)."""
+    names = {"lower": "low", "upper": "high"}  # what bounds the step itself are the others
+    sides = ("g", "lower", "upper", "b", "l", "u")
+    parts = {
+        name: np.frombuffer(ffi.buffer(getattr(step, names.get(name, name))))
+        for name in ("P", "A", "C", *sides)
+    }
+    rows = {name: parts[name].reshape(-1, len(VARIABLES)) for name in ("P", "A", "C")}
+    return QP(**parts | rows, labels=LABELS)
 
 
 def held_back_by(multipliers: Multipliers | None, sign: float) -> tuple[str, ...]:

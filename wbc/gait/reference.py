@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeights, adapt_step
+from wbc.gait.adaptation import WEIGHTS, StepBounds, StepPlan, StepWeights, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
 from wbc.gait.footsteps import nominal_offset, nominal_step, other
@@ -269,15 +269,14 @@ class StepPlanner:
         least, widest = (near, far) if support == "right" else (-far, -near)
         lower, upper = (-ahead, least), (ahead, widest)
         foot, most = phase.swing, CATCH_ACCELERATION * self.limits.swing
-        reach = Reach(local(foot.place - base), local(foot.speed), most)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
-        min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
-        max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)
+        min_time = max(freeze, min_ratio * single - phase.elapsed)
+        max_time = MAX_TIME_RATIO * single - phase.elapsed
+        reach = local(foot.place - base), local(foot.speed), most, phase.left
         length, width = self.soles[support].tolist()
         length -= abs(now.pressure_offset)
         sole = SOLE_SHARE * length, SOLE_SHARE * width
-        about = min(max(phase.left, min_time), max_time)
-        bounds = StepBounds(lower, upper, min_time, max_time, sole, reach, about)
+        bounds = StepBounds(lower, upper, min_time, max_time, sole, *reach)
         plan = adapt_step(local(now.dcm - base), nominal, bounds, omega, double, weights)
         # The nominal offset, not the plan's, which is where the DCM will be: a part that the step
         # cannot capture would be no error then, and the CoP would go back to the sole's middle.

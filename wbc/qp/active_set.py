@@ -19,7 +19,7 @@ import numpy as np
 
 from wbc.kinds import whole_number
 from wbc.qp.conflict import FINEST, conflict_by_simplex, conflict_of, find_conflict
-from wbc.qp.core import DONE, INFEASIBLE, CoreSolution, FlatQP, solve_in_core
+from wbc.qp.core import DONE, INFEASIBLE, CoreSolution, solve_in_core
 from wbc.qp.kkt import SolveCheck, largest
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
@@ -60,16 +60,6 @@ class ActiveSet:
             See :func:`wbc.qp.problem.check_qp`.
         """
         return self._solve(qp, None, perf_counter(), quick)
-
-    def solve_flat(self, flat: FlatQP) -> tuple[list[float], list[float], list[float]] | None:
-        """Return x, z and z_box of a QP, checked as by :meth:`solve`; None: not solved."""
-        found = flat.form.solve(flat.numbers, self.eps, self.max_iterations)
-        if found is not None:
-            return found
-        checked = self.solve(flat.qp, quick=True)  # to the accuracy that its numbers let have
-        if checked.status is not Status.SOLVED:
-            return None
-        return checked.x.tolist(), checked.z.tolist(), checked.z_box.tolist()
 
     def solve_soft(self, qp: QP, weights: Array, eps: float | None = None) -> Solution:
         """Return the checked solution of a QP in which rows may give way.

@@ -9,12 +9,11 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, integers, lib
-from wbc.qp.problem import QP, Labels, check_qp
+from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import KktResiduals
 from wbc.validate import Array
 
 DONE, INFEASIBLE = lib.DONE, lib.INFEASIBLE
-new = ffi.new
 _FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
@@ -29,55 +28,6 @@ class CoreSolution(NamedTuple):
     z_box: Array  # (n,)
     residuals: KktResiduals
     iterations: int  # negative if there is no solution
-
-
-class FlatForm:
-    """Sizes and labels of small QPs in the core's memory.
-
-    Making arrays of so few numbers would take longer than solving the QP.
-    """
-
-    def __init__(self, labels: Labels) -> None:
-        self.labels = labels
-        n, k, m = len(labels.variables), len(labels.equality), len(labels.inequality)
-        self.n, self.lengths = n, (n * n, k * n, m * n, n, n, n, k, m, m)
-        self._sizes, self._end = (n, k, m), 2 * n + k + m
-        scratch, order = _sizes(n, k, m)
-        self._out = ffi.typeof(f"double[{self._end + 4 + scratch}]")
-        self._order = ffi.typeof(f"int64_t[{order}]")
-        self._numbers = ffi.typeof(f"double[{sum(self.lengths)}]")
-
-    def memory(self) -> Any:
-        """Return memory for the numbers of one."""
-        return new(self._numbers)
-
-    def solve(
-        self, numbers: Any, eps: float, most: int
-    ) -> tuple[list[float], list[float], list[float]] | None:
-        """Return x, z and z_box; None if the core does not solve it."""
-        (n, k, m), end = self._sizes, self._end
-        out = new(self._out)
-        if lib.wbc_solve_flat(n, k, m, numbers, eps, most, out, new(self._order)) != DONE:
-            return None
-        answer = ffi.unpack(out, end)
-        return answer[:n], answer[n + k : n + k + m], answer[n + k + m :]
-
-
-class FlatQP(NamedTuple):
-    """A QP in the core's memory."""
-
-    numbers: Any  # P, A and C by rows, g, lower, upper, b, l, u, one behind the other
-    form: FlatForm
-
-    @property
-    def qp(self) -> QP:
-        """The QP as arrays."""
-        form = self.form
-        numbers = np.frombuffer(ffi.buffer(self.numbers))
-        parts = np.split(numbers, np.cumsum(form.lengths[:-1]))
-        by_name = dict(zip(_FIELDS, parts, strict=True))
-        rows = {name: by_name[name].reshape(-1, form.n) for name in ("P", "A", "C")}
-        return QP(**by_name | rows, labels=form.labels)
 
 
 def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreSolution:

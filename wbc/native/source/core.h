@@ -334,19 +334,21 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * u at the cost 1/2 s^2 / compliance, s = 0 where it is 0. INFEASIBLE: y, z, z_box are a Farkas certificate: y'A +
  * z'C + z_box' = 0, and their sum with the bounds they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *compliance, int64_t most, double *scratch, int64_t *order);
-/* The same with P A C g lower upper b l u behind each other in numbers; x y z z_box and four numbers of found are
- * written to out, and the rest of out is scratch. */
-int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps, int64_t most, double *out,
-                   int64_t *order);
 
-/* What the next footstep follows from, in the stance foot's axes [m, s]; named as wbc/gait/adaptation.py does. */
+/* The next footstep, in the stance foot's axes [m, s]; named as wbc/gait/adaptation.py does. */
 typedef struct {
-    double dcm[2], place[2], left, offset[2], vrp[2], lower[2], upper[2], min_time, max_time, sole[2];
-    double slopes[4], offsets[4], about; /* of the reach */
+    double dcm[2], place[2], left, offset[2], vrp[2]; /* as measured; the nominal plan, and then the plan */
+    double lower[2], upper[2], min_time, max_time, sole[2];
+    double foot[2], rate[2], acceleration, about; /* of the reach */
     double omega, double_support, gain, weights[4];
-} wbc_footstep_plan;
-/* Write its QP as wbc_solve_flat reads it; given: the numbers of a wbc_footstep_plan. Returns 0. */
-int wbc_footstep(const double *given, double *numbers);
+    /* its QP, as of a wbc_qp, and the solution */
+    double P[49], A[14], C[56], g[7], low[7], high[7], b[2], l[8], u[8], x[7], y[2], z[8], z_box[7], found[4];
+} wbc_footstep;
+/* Plan it, by a QP whose numbers are all 0 before, in at most most iterations. Returns DONE; else the nominal plan is
+ * left as it was, min_time and max_time are what the foot can do, and the QP is there to be solved otherwise. */
+int wbc_solve_footstep(wbc_footstep *s, double eps, int64_t most);
+/* Make the plan what x says, or, if that does not solve the QP, the nominal one within its bounds. Returns DONE. */
+int wbc_place_footstep(wbc_footstep *s, int solved);
 
 /* A foot in the air (source/swing.c): x, y [m], yaw [rad] and the horizontal part of the sole's unit normal, and
  * their rates and accelerations; its height, likewise [m]; the part of its path that is done; the rate of that by

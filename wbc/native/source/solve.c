@@ -125,15 +125,6 @@ int solve_again(const wbc_qp *qp, const solve_options *options, double *scratch,
     return solve_reduced(qp, options, scratch, order, 0, 0, 1.0, 0);
 }
 
-int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps, int64_t most, double *out,
-                   int64_t *order) {
-    wbc_qp qp = {.n = n, .k = k, .m = m, .wide = n, .eps = eps, .P = numbers, .x = out};
-    qp.A = qp.P + n * n, qp.C = qp.A + k * n, qp.g = qp.C + m * n, qp.lower = qp.g + n;
-    qp.upper = qp.lower + n, qp.b = qp.upper + n, qp.l = qp.b + k, qp.u = qp.l + m;
-    qp.y = qp.x + n, qp.z = qp.y + k, qp.z_box = qp.z + m, qp.found = qp.z_box + n;
-    return wbc_solve_qp(&qp, 0, most, qp.found + 4, order);
-}
-
 int wbc_solve_qp(const wbc_qp *qp, const double *compliance, int64_t most, double *scratch, int64_t *order) {
     const int64_t integers = reduced_integers(qp->n, qp->k);
     const solve_options options = {
