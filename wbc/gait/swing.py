@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.gait.crossing import Crossing
 from wbc.native import doubles, ffi, lib
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 a_foot: Any = partial(ffi.from_buffer, ffi.typeof("wbc_swing_foot *"))
 a_path: Any = partial(ffi.from_buffer, ffi.typeof("wbc_swing_path *"))
@@ -52,7 +52,7 @@ def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> Sw
 
 
 class FootPose(NamedTuple):
-    """Reference of a foot: position (3,), rotation (3, 3), twist and its derivative (6,)."""
+    """Reference of a foot, read-only: position (3,), rotation (3, 3), twist and derivative (6,)."""
 
     position: Array
     rotation: Array
@@ -158,7 +158,7 @@ class SwingFoot(NamedTuple):
         before, after = a_foot(self.numbers), a_foot(numbers)
         way = *goal, ground, left, dt, most
         lib.wbc_swing(a_path(self.path), *way, before, after, doubles(placed))
-        return SwingFoot(numbers, self.path, self.normal, self.crossing, placed)
+        return SwingFoot(numbers, self.path, self.normal, self.crossing, read_only(placed))
 
     def pose(self) -> FootPose:
         """Return the foot's reference; rates are of first order in its tilt."""

@@ -25,7 +25,7 @@ from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
-from wbc.validate import Array, check_fields
+from wbc.validate import Array, check_fields, read_only
 
 UP = np.array((0.0, 0.0, 1.0))
 # Acceleration of a foot by its hips, in units of gravity, from which on ``WalkingWeights.lift`` is
@@ -262,7 +262,7 @@ class WholeBody:
             self._in_air = foot
             given = self._edge_weight if over else self._prescribed_weight
             task.weight = given if exact else self._swing_weight
-        task.set_target(*pose)
+        task._follow(*pose)
 
     def set_targets(
         self, snapshot: Snapshot, pressure: Array, height: SwingMotion, heading: float, turn: float
@@ -273,7 +273,9 @@ class WholeBody:
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
-        self._height.set_target(*np.array([(0.0, 0.0, value) for value in height]))
+        motion = np.zeros((3, 3))
+        motion[:, 2] = height
+        self._height._follow(*read_only(motion))
         if self._trunk_target != (heading, turn):  # else it is set already
             self._trunk_target = heading, turn
             R, rate = turned(heading), turn * UP if turn else None

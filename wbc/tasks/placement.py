@@ -51,12 +51,18 @@ class PlacementTask(Task):
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(self, turn, "rotation")
-        moved: dict[str, Array] = {}
-        if self._set_rates((6,), rate, acceleration):
-            speed, push = self.target_rate, self.target_acceleration
-            moved = {"_bias": read_only(-speed[:3]), "_turn_rate": speed[3:]}
-            moved |= {"_drift": read_only(-push[:3]), "_turn_acceleration": push[3:]}
-        self._assign(position=place, rotation=turn, **moved)
+        self._follow(place, turn, *self._rates((6,), rate, acceleration))
+
+    def _follow(self, position: Array, rotation: Array, rate: Array, acceleration: Array) -> None:
+        """Set a target that the package made itself, of read-only arrays: not checked or copied."""
+        if self._move(rate, acceleration):
+            self._assign(
+                _bias=read_only(-rate[:3]),
+                _turn_rate=rate[3:],
+                _drift=read_only(-acceleration[:3]),
+                _turn_acceleration=acceleration[3:],
+            )
+        self._assign(position=position, rotation=rotation)
 
     @property
     def target(self) -> Array:

@@ -48,12 +48,16 @@ class PointTask(CoreTask):
         acceleration: ArrayLike | None = None,
     ) -> None:
         """Set target position (3,) [m] and, for a moving target, its velocity and acceleration."""
-        place = self._target(target, (3,))
-        moved: dict[str, Array] = {}
-        if self._set_rates((3,), rate, acceleration):
-            moved["_bias"] = self._negative(self.target_rate, self._selected)
-            moved["_drift"] = self._negative(self.target_acceleration, self._selected)
-        self._assign(_goal=place, **moved)
+        self._follow(self._target(target, (3,)), *self._rates((3,), rate, acceleration))
+
+    def _follow(self, target: Array, rate: Array, acceleration: Array) -> None:
+        """Set a target that the package made itself, of read-only arrays: not checked or copied."""
+        if self._move(rate, acceleration):
+            rows = self._selected
+            self._assign(
+                _bias=self._negative(rate, rows), _drift=self._negative(acceleration, rows)
+            )
+        self._assign(_goal=target)
 
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the point and its target; where an axis is not controlled both agree."""

@@ -346,11 +346,22 @@ class Task(DeclaredAttributes, ABC):
         acceleration: ArrayLike | None = None,
     ) -> bool:
         """Check and set how the target moves; None is rest. Return False if it rests as before."""
-        rest, own = zero_rate(shape), self.__dict__
-        speed = rest if rate is None else self._target(rate, shape, "target rate")
-        push = rest
+        return self._move(*self._rates(shape, rate, acceleration))
+
+    def _rates(
+        self, shape: tuple[int, ...], rate: ArrayLike | None, acceleration: ArrayLike | None
+    ) -> tuple[Array, Array]:
+        """Return how the target moves, checked; None is rest."""
+        speed = push = zero_rate(shape)
+        if rate is not None:
+            speed = self._target(rate, shape, "target rate")
         if acceleration is not None:
             push = self._target(acceleration, shape, "target acceleration")
+        return speed, push
+
+    def _move(self, speed: Array, push: Array) -> bool:
+        """Set how the target moves; return False if it rests as before."""
+        own = self.__dict__
         if own.get("target_rate") is speed and own.get("target_acceleration") is push:
             return False
         self._assign(target_rate=speed, target_acceleration=push)
