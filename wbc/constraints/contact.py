@@ -143,7 +143,9 @@ class Contact(CoreTask):
     def move_to(self, snapshot: Snapshot) -> None:
         """Hold the frame where it is in ``snapshot`` from now on."""
         check_snapshot(f"{self}, move_to", snapshot)
-        self.position, self.rotation = snapshot.placement(self.frame)
+        position, rotation = snapshot.placement(self.frame)  # read-only, and right: not checked
+        self.__dict__.update(position=position, rotation=rotation)
+        self._remade()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"

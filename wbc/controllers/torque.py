@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from functools import cached_property, partial
 from typing import Any, Never, cast
 
@@ -339,10 +338,12 @@ class TorqueController(Controller):
         self, wanted: tuple[Task, ...], ramp: float | None = None
     ) -> tuple[Task, ...]:
         ramp = self.force_ramp if ramp is None else finite_number("contacts, ramp", ramp, least=0.0)
-        loads = {} if self._last is None else self._last.normal_forces()
-        held = self.contacts if self._last is not None else wanted
-        self._ramps = copy(self._ramps)  # a change that is refused has the ramps that there were
-        changed = self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
+        last, held = self._last, wanted if self._last is None else self.contacts
+        left_out = {one.name for one in held} - {one.name for one in wanted}
+        loads = last.normal_forces() if last is not None and left_out else {}
+        ramps = ForceRamps(self.robot.weight)  # a change that is refused has those that there were
+        ramps.running, self._ramps = self._ramps.running, ramps
+        changed = ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
         self._remember_slack(changed[len(wanted) :])
         return changed
 
