@@ -85,7 +85,7 @@ class StepWeights(NamedTuple):
 
 
 WEIGHTS = StepWeights()
-Multipliers = tuple[list[float], list[float]]
+Multipliers = list[float]
 
 
 class StepPlan(NamedTuple):
@@ -104,7 +104,7 @@ class StepPlan(NamedTuple):
     adapted:
         Whether the QP was solved; else this is the nominal plan clipped to its bounds.
     multipliers:
-        Of the rows (8,) and of the bounds (7,), positive at the upper ones; see
+        Of the rows (8) and then of the bounds (7), positive at the upper ones; see
         :func:`held_back_by`.
     """
 
@@ -138,9 +138,8 @@ def adapt_step(
     pendulum = omega, double, shift_gain(omega, double)
     step = ffi.new(A_FOOTSTEP, (dcm, *nominal[:4], *bounds, *pendulum, weights))
     adapted = solve_step(step)
-    multipliers = (list(step.z), list(step.z_box)) if adapted else None
-    place, offset, vrp = (tuple(pair) for pair in (step.place, step.offset, step.vrp))
-    return StepPlan(place, step.left, offset, vrp, adapted, multipliers)
+    plan = tuple(step.place), step.left, tuple(step.offset), tuple(step.vrp)
+    return StepPlan(*plan, adapted, list(step.multipliers) if adapted else None)
 
 
 def solve_step(step: Any) -> bool:
@@ -151,7 +150,7 @@ def solve_step(step: Any) -> bool:
     found = SOLVER.solve(qp_of(step), quick=True)
     solved = found.status is Status.SOLVED
     if solved:
-        step.x, step.z, step.z_box = (part.tolist() for part in (found.x, found.z, found.z_box))
+        step.x, step.multipliers = found.x.tolist(), [*found.z.tolist(), *found.z_box.tolist()]
     lib.wbc_place_footstep(step, solved)
     return solved
 
@@ -178,7 +177,7 @@ def held_back_by(multipliers: Multipliers | None, sign: float) -> tuple[str, ...
     """
     if multipliers is None:
         return ()
-    rows, box = multipliers
+    rows, box = multipliers[: len(BINDING_ROWS)], multipliers[len(BINDING_ROWS) :]
     strengths = list(zip(BINDING_ROWS, map(abs, rows), strict=True))
     for names, size, side in zip(BINDING_BOUNDS, box[:3], (1.0, -sign, 1.0), strict=True):
         strengths.append((names[size * side > 0.0], abs(size)))

@@ -342,7 +342,8 @@ typedef struct {
     double foot[2], rate[2], acceleration, about; /* of the reach */
     double omega, double_support, gain, weights[4];
     /* its QP, as of a wbc_qp, and the solution */
-    double P[49], A[14], C[56], g[7], low[7], high[7], b[2], l[8], u[8], x[7], y[2], z[8], z_box[7], found[4];
+    double P[49], A[14], C[56], g[7], low[7], high[7], b[2], l[8], u[8], x[7], y[2], found[4];
+    double multipliers[15]; /* of the rows C, and then of the bounds */
 } wbc_footstep;
 /* Plan it, by a QP whose numbers are all 0 before, in at most most iterations. Returns DONE; else the nominal plan is
  * left as it was, min_time and max_time are what the foot can do, and the QP is there to be solved otherwise. */

@@ -22,13 +22,8 @@ static void write_qp(wbc_footstep *s) {
     const double vrp = s->weights[3] / ((sigma - 1.0) * (sigma - 1.0));
     const double cost[UNKNOWNS] = {
         s->weights[0], s->weights[0], s->weights[1], s->weights[2], s->weights[2], vrp, vrp};
-    const double target[UNKNOWNS] = {s->place[0],
-                                     s->place[1],
-                                     1.0,
-                                     s->offset[0],
-                                     s->offset[1],
-                                     (sigma - 1.0) * s->vrp[0],
-                                     (sigma - 1.0) * s->vrp[1]};
+    const double w[2] = {(sigma - 1.0) * s->vrp[0], (sigma - 1.0) * s->vrp[1]};
+    const double target[UNKNOWNS] = {s->place[0], s->place[1], 1.0, s->offset[0], s->offset[1], w[0], w[1]};
     /* T = about + (sigma / sigma(about) - 1) / omega, to first order */
     const double per_growth = -exp(s->omega * (s->left - s->about)) / s->omega, shift = s->about - 1.0 / s->omega;
     double slopes[4], offsets[4];
@@ -57,25 +52,10 @@ int wbc_solve_footstep(wbc_footstep *s, double eps, int64_t most) {
     s->min_time = fmax(s->min_time, wbc_rest_time(s->acceleration, s->foot, s->rate, s->lower, s->upper));
     s->max_time = fmax(s->max_time, s->min_time), s->about = clipped(s->about, s->min_time, s->max_time);
     write_qp(s);
-    const wbc_qp qp = {.n = UNKNOWNS,
-                       .k = EQUALITIES,
-                       .m = ROWS,
-                       .wide = UNKNOWNS,
-                       .eps = eps,
-                       .P = s->P,
-                       .A = s->A,
-                       .C = s->C,
-                       .g = s->g,
-                       .lower = s->low,
-                       .upper = s->high,
-                       .b = s->b,
-                       .l = s->l,
-                       .u = s->u,
-                       .x = s->x,
-                       .y = s->y,
-                       .z = s->z,
-                       .z_box = s->z_box,
-                       .found = s->found};
+    wbc_qp qp = {.n = UNKNOWNS, .k = EQUALITIES, .m = ROWS, .wide = UNKNOWNS, .eps = eps};
+    qp.P = s->P, qp.A = s->A, qp.C = s->C, qp.g = s->g, qp.lower = s->low, qp.upper = s->high, qp.b = s->b;
+    qp.l = s->l, qp.u = s->u, qp.x = s->x, qp.y = s->y, qp.z = s->multipliers, qp.z_box = qp.z + ROWS;
+    qp.found = s->found;
     int64_t sizes[3];
     wbc_sizes(UNKNOWNS, EQUALITIES, ROWS, sizes);
     double scratch[sizes[0]];
