@@ -31,12 +31,12 @@ from scipy.optimize import linprog
 from walk_pushes import LASTING, PHASES, SIDES, SPEED
 
 from wbc.gait import Velocity, Walker
-from wbc.gait.adaptation import REST_RANGE
 from wbc.gait.dcm import shift_gain
 from wbc.gait.footsteps import SIGN, nominal_offset, nominal_step, other
 from wbc.gait.reference import CATCH_ACCELERATION, MAX_TIME_RATIO, MIN_TIME_RATIO
 from wbc.gait.whole_body import heaviest_link
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
+from wbc.native import lib
 from wbc.validate import Array
 
 FILE = Path(__file__).with_suffix(".json")
@@ -185,7 +185,7 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
         upper += [way, -way]
         most += [high, -low]
         # At rest in time: from where it is and as fast as it is, or from where it stood.
-        T, far = time, REST_RANGE * walk.acceleration * time**2
+        T, far = time, lib.wbc_rest_range * walk.acceleration * time**2
         if k == 0:
             from_, reached = np.zeros(count), start.foot + 0.5 * T * start.rate
         else:
