@@ -41,7 +41,6 @@ BINDING_ROWS = ("the sole",) * 4 + ("acceleration of the foot",) * 4
 NEGLIGIBLE = 1e-3
 
 
-REST_RANGE: float = lib.wbc_rest_range
 Pair = tuple[float, float]
 
 
