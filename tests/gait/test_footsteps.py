@@ -54,6 +54,21 @@ def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
         assert place == pytest.approx(complex(*beside), abs=1e-12)
 
 
+@pytest.mark.parametrize("speed", [0.5, 1.2])
+def test_a_foot_lands_early_on_its_usual_way_and_not_far_from_a_goal_that_moved(
+    legs: Legs, speed: float
+) -> None:
+    """A fast one had to come within 0.1 m first: a G1 on boards of 4 cm was slowed down so."""
+    gait, velocity, dt = GaitSettings.of(legs), Velocity(speed), 0.002
+    planner, goal = planner_of(legs, gait), 2.0 * speed * gait.times.total + 0j
+    phase = on_one_foot("left", 0.0, gait.single, goal)
+    for left in np.arange(gait.single, 0.29 * gait.single, -dt):
+        swing = phase.swing.advance((goal.real, goal.imag, 0.0), 0.0, left, dt, 100.0)
+        phase = phase._replace(swing=swing, left=left - dt)
+    assert planner.has_landed(phase, 0.2, velocity) and not planner.has_landed(phase, 0.0, velocity)
+    assert not planner.has_landed(phase._replace(goal=goal + 0.2j), 0.2, velocity)
+
+
 @pytest.mark.parametrize("foot", ["left", "right"])
 @pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.2, -0.1, 0.7), (-0.3, 0.2, -0.4)])
 def test_the_offset_is_that_of_many_steps_ahead(

@@ -20,6 +20,7 @@ from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import MIN_SINGLE_RATIO
 from wbc.gait.swing import FootPose, yaw_of
+from wbc.minimum_jerk import minimum_jerk
 from wbc.polygon import convex_hull, nearest_point, polygon_margin
 from wbc.robot import Robot
 from wbc.validate import Array
@@ -45,8 +46,9 @@ FREEZE_TIME = 0.15
 # A loaded foot has landed from this part of its path on; before, it has hit an edge.
 MIN_DONE = 0.7
 # A foot farther than this from where it is to land has not [m]: held there, a G1 that was pushed
-# over it just before survived 45 N s in place of 64.
-LANDING_DISTANCE = 0.1
+# over it just before survived 45 N s in place of 64. In fast walks this part of its usual way is
+# more, which is what a foot has before it at MIN_DONE.
+LANDING_DISTANCE, UNDONE = 0.1, 1.0 - minimum_jerk(MIN_DONE)
 # A foot that finds no ground counts as landed after this delay, in units of 1/omega.
 MAX_DELAY = 1.2
 # A commanded stop ends the walk if the foot is this near to its nominal place [m].
@@ -166,18 +168,20 @@ class StepPlanner:
         """Return the nominal duration of a single support [s]."""
         return phase.given[0].single(self.gait) if phase.given else self.gait.single
 
-    def has_landed(self, phase: SingleSupport, load: float | None) -> bool:
+    def has_landed(self, phase: SingleSupport, load: float | None, velocity: Velocity) -> bool:
         """Return whether the swing foot, which bears ``load`` (part of the weight), has landed.
 
         The threshold falls with the square of the speed. A foot whose goal was moved away as it
         came down touches the ground on its way there. None: it lands as planned.
         """
+        single = self.single_time(phase)
         if load is None:
             return phase.left <= 0.0
         if phase.swing.late > MAX_DELAY / self.gait.omega:
             return True
-        pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
-        near = abs(phase.goal - phase.swing.place) < LANDING_DISTANCE
+        pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / single) ** 2
+        usual = 2.0 * math.hypot(velocity.vx, velocity.vy) * (single + self.gait.double)
+        near = abs(phase.goal - phase.swing.place) < max(LANDING_DISTANCE, UNDONE * usual)
         return pressed and near and phase.swing.done > MIN_DONE
 
     def advance_swing(

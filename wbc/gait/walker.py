@@ -579,7 +579,8 @@ class Walker:
             return self._lift_off(phase, now) if phase.left <= 0.0 else phase
         phase = phase._replace(left=phase.left - dt, elapsed=phase.elapsed + dt)
         load = loads[other(phase.support)][2] / self.robot.weight if loads else None
-        return self._land(snapshot, phase, now) if self._planner.has_landed(phase, load) else phase
+        landed = self._planner.has_landed(phase, load, self.velocity)
+        return self._land(snapshot, phase, now) if landed else phase
 
     def _lift_off(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
         foot = other(phase.support)
