@@ -7,7 +7,7 @@ from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets, in_plane
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, first_swing, nominal_offset, nominal_step, other
-from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing, landing_pose
+from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import SwingFoot, turned
 from wbc.robot import Robot
@@ -102,8 +102,11 @@ def test_a_steady_turn_that_faces_where_it_goes_is_left_alone(legs: Legs, elapse
     assert after.goal == pytest.approx(steps[0], abs=1e-6)
     assert after.offset == pytest.approx(second, abs=1e-9)
     assert after.left == pytest.approx(gait.single - elapsed, abs=1e-6)
-    lands = landing_pose(after, heading - 0.5 * rate * gait.single, velocity, gait)
+    lands = planner.landing_pose(after, now, heading - 0.5 * rate * gait.single, velocity)
     assert lands[2] == pytest.approx(rate * T)
+    # Where a turn is reversed feet were up to 0.8 rad apart.
+    lands = planner.landing_pose(after, now, heading, velocity._replace(yaw_rate=-3.0))
+    assert lands[2] == pytest.approx(-planner.limits.turn)
 
 
 def test_the_leading_foot_begins() -> None:

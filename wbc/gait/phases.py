@@ -8,7 +8,6 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from wbc.gait.adaptation import Multipliers
-from wbc.gait.command import Velocity
 from wbc.gait.crossing import Crossing
 from wbc.gait.dcm import in_plane
 from wbc.gait.foothold import Foothold
@@ -187,29 +186,3 @@ def next_foot(phase: Phase) -> str | None:
     if isinstance(phase, DoubleSupport) and not phase.halts:
         return other(phase.support)
     return None
-
-
-def landing_pose(
-    phase: SingleSupport, heading: float, velocity: Velocity, gait: GaitSettings
-) -> tuple[float, float, float]:
-    """Return x, y [m] and yaw [rad] of the swing foot's landing.
-
-    A foot faces as the robot does half way through the time that it will stand alone.
-    """
-    ahead = max(phase.left, 0.0) + gait.double + 0.5 * gait.single
-    turned = heading + velocity.yaw_rate * ahead
-    return phase.goal.real, phase.goal.imag, phase.given[0].yaw if phase.given else turned
-
-
-def feet_after(
-    phase: Phase, now: GaitState, heading: float, velocity: Velocity, gait: GaitSettings
-) -> dict[str, Array]:
-    """Return x, y, yaw and z of both feet (4,) [m, rad], of a swing foot where it lands."""
-    feet = {foot: now.pose(foot) for foot in now.places}
-    if isinstance(phase, SingleSupport):
-        lands = landing_pose(phase, heading, velocity, gait)
-        height = feet[phase.support][3]
-        if phase.given and phase.given[0].z is not None:
-            height = phase.given[0].z
-        feet[other(phase.support)] = np.append(lands, height)
-    return feet

@@ -15,7 +15,7 @@ from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
 from wbc.gait.footsteps import nominal_offset, nominal_step, other
 from wbc.gait.legs import Legs
-from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
+from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport
 from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity_for
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import MIN_SINGLE_RATIO
@@ -184,11 +184,45 @@ class StepPlanner:
         near = abs(phase.goal - phase.swing.place) < max(LANDING_DISTANCE, UNDONE * usual)
         return pressed and near and phase.swing.done > MIN_DONE
 
+    def landing_pose(
+        self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
+    ) -> tuple[float, float, float]:
+        """Return x, y [m] and yaw [rad] of the swing foot's landing.
+
+        A foot faces as the robot does half way through the time that it will stand alone, within
+        what legs turn: where a turn begins or ends, the other one is set for another rate.
+        """
+        x, y = phase.goal.real, phase.goal.imag
+        if phase.given:
+            return x, y, phase.given[0].yaw
+        yaw, stands = self._next_heading(phase, heading, velocity), now.rotations[phase.support]
+        most = self.limits.turn or math.pi  # legs without a joint for it face ahead
+        turn = math.remainder(yaw - yaw_of(stands), math.tau)
+        return x, y, yaw - math.copysign(max(abs(turn) - most, 0.0), turn)
+
+    def feet_after(
+        self, phase: Phase, now: GaitState, heading: float, velocity: Velocity
+    ) -> dict[str, Array]:
+        """Return x, y, yaw and z of both feet (4,) [m, rad], of a swing foot where it lands."""
+        feet = {foot: now.pose(foot) for foot in now.places}
+        if isinstance(phase, SingleSupport):
+            lands = self.landing_pose(phase, now, heading, velocity)
+            height = feet[phase.support][3]
+            if phase.given and phase.given[0].z is not None:
+                height = phase.given[0].z
+            feet[other(phase.support)] = np.append(lands, height)
+        return feet
+
+    def _next_heading(self, phase: SingleSupport, heading: float, velocity: Velocity) -> float:
+        """Return the heading half way through the next single support [rad]."""
+        ahead = max(phase.left, 0.0) + self.gait.double + 0.5 * self.gait.single
+        return heading + velocity.yaw_rate * ahead
+
     def advance_swing(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase ``dt`` later, and the swing foot's reference."""
-        goal = landing_pose(phase, heading, velocity, self.gait)
+        goal = self.landing_pose(phase, now, heading, velocity)
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
@@ -256,7 +290,7 @@ class StepPlanner:
         else:
             yaw, weights = heading, WEIGHTS
             stance_heading = heading + velocity.yaw_rate * (0.5 * single - phase.elapsed)
-            *_, next_heading = landing_pose(phase, heading, velocity, gait)
+            next_heading = self._next_heading(phase, heading, velocity)
             to_next = nominal_step(gait, support, stance_heading, velocity)
             offset = nominal_offset(gait, other(support), next_heading, velocity)
         rotation = cmath.rect(1.0, yaw)

@@ -49,7 +49,6 @@ from wbc.gait.phases import (
     Phase,
     SingleSupport,
     Standing,
-    feet_after,
     next_foot,
 )
 from wbc.gait.prescribed_steps import WEIGHT_SHIFT, Footstep, Landing
@@ -348,7 +347,7 @@ class Walker:
             velocity = velocity.towards(Velocity(), 0.0, YAW_ACCELERATION * left)
             slowing = min(left, abs(rate) / YAW_ACCELERATION)
             heading += 0.5 * (rate + velocity.yaw_rate) * slowing - velocity.yaw_rate * left
-        feet = feet_after(self.phase, now, heading, velocity, self.gait)
+        feet = self._planner.feet_after(self.phase, now, heading, velocity)
         begins = next_foot(self.phase)
         self.coming = self._range.admitted(
             footsteps, feet, begins, relative=relative, ground=ground
