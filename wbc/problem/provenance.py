@@ -14,6 +14,7 @@ from wbc import __version__
 from wbc.errors import ModelError, ProblemFileError
 from wbc.files import beside
 from wbc.problem.source import Source
+from wbc.problem.yaml_reader import STDIN
 from wbc.qp.proxqp_workspace import BUILD
 from wbc.run.saving import plain
 
@@ -56,7 +57,7 @@ def files_of(path: Path, name: str) -> Iterator[None]:
     try:
         yield
     except (ProblemFileError, ModelError) as error:
-        if Path(name).is_absolute() or Path(name).exists():
+        if name == STDIN or Path(name).is_absolute() or Path(name).exists():
             raise
         told = f"{path}: {error}; it ran in a folder with {name}: go there, its paths begin there"
         raise type(error)(told) from error

@@ -23,8 +23,8 @@ static const double TURN = 6.283185307179586;
  * 6 s - 6 s^2.) */
 const double wbc_rest_range = 0.17320508075688773; /* sqrt(3)/10 */
 static const double STOP_TIME = 1.5;
-static const double PASSING =
-    0.02; /* m: a foot whose landing is put off may go so far past its goal, and come back */
+/* m: a foot whose landing is put off may go so far past its goal, and come back. */
+static const double PASSING = 0.02;
 
 typedef struct {
     double value, rate, acceleration;
