@@ -6,7 +6,7 @@ The base moves along x, axes as the world's; wall k is at ``places[k]`` and come
 import numpy as np
 import pytest
 
-from wbc.constraints import Limits, PositionBox
+from wbc.constraints import Limits, PositionBox, support
 from wbc.constraints.margin import (
     SKIN,
     USED,
@@ -16,10 +16,12 @@ from wbc.constraints.margin import (
     point_curvature_bound,
 )
 from wbc.constraints.rows import Bounds, Distances, stack
+from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.native import lib
 from wbc.robot import Robot, Snapshot
+from wbc.tasks import PositionTask, PostureTask
 
 DT = 0.005
 
@@ -396,3 +398,20 @@ def test_distances_in_arrays_that_are_filled_anew_are_those_of_their_snapshot(ho
         cuts.append(walls.cutting_planes(there, v, DT, walls.rows(here, DT)))
     assert cuts[0] is not None and cuts[1] is not None
     np.testing.assert_array_equal(cuts[0].lower, cuts[1].lower)
+
+
+def test_a_margin_is_recovered_against_a_task_that_pulls_inwards(hoap2) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    hand, free = here.position("left_hand_link"), np.full(3, np.inf)
+    box = PositionBox(hoap2, "left_hand_link", -free, [hand[0] - 0.02, np.inf, np.inf])
+    reach = PositionTask(hoap2, "left_hand_link", hand + (0.3, 0.0, 0.0))
+    controller = KinematicController(
+        hoap2, [reach, PostureTask(hoap2, q, weight=0.01)], contacts=support(here, "double"),
+        constraints=[box], limits=Limits(hoap2), dt=DT,
+    )  # fmt: skip
+    v = None
+    for _ in range(200):
+        v = controller.step(hoap2.snapshot(q, v)).velocity
+        q = hoap2.integrate(q, v, DT)
+    assert hoap2.snapshot(q).position("left_hand_link")[0] < hand[0] - 0.02 + 1e-4

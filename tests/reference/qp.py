@@ -27,11 +27,19 @@ def solve(P: Array, g: Array, E: Array, x: Array, G: Array, h: Array) -> Array:
     if not N.size:
         return x
     Py, gy, Gy, hy = N.T @ P @ N, N.T @ (P @ x + g), G @ N, h - G @ x
+    for size in (1.0, max(1.0, np.abs(gy).max())):  # heavy costs of recovery want small numbers
+        y = optimum(Py / size, gy / size, Gy, hy)
+        if y is not None:
+            return x + N @ y
+    raise Unsolved
+
+
+def optimum(Py: Array, gy: Array, Gy: Array, hy: Array) -> Array | None:
     problem = qpsolvers.Problem(csc_matrix(Py), gy, csc_matrix(Gy), hy)
     with warnings.catch_warnings(action="ignore"):  # "almost solved" is as good: see below
         first = qpsolvers.solve_problem(problem, "clarabel", tol_gap_abs=1e-12, tol_feas=1e-12)
     if first.x is None:
-        raise Unsolved
+        return None
     active = first.z > hy - Gy @ first.x
     for _ in range(STEPS):
         held = Gy[active]
@@ -42,9 +50,7 @@ def solve(P: Array, g: Array, E: Array, x: Array, G: Array, h: Array) -> Array:
         tight = np.flatnonzero(left < TIGHT)
         z, rest = nnls(Gy[tight].T, -(Py @ y + gy)) if tight.size else (np.zeros(0), 0.0)
         if left.min() >= -TIGHT and rest <= PULL * max(1.0, np.abs(gy).max()):
-            return x + N @ y
+            return y
         active = left < -TIGHT
         active[tight[z > 0.0]] = True
-    if first.found and first.is_optimal(ALMOST):
-        return x + N @ first.x
-    raise Unsolved
+    return first.x if first.found and first.is_optimal(ALMOST) else None

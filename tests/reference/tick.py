@@ -31,7 +31,7 @@ from tests.reference.qp import solve
 from tests.reference.state import Array, State
 from tests.reference.tasks import Contact, Rows, Task, rows_of
 
-OUTWEIGHS, IDLE, FLATTEST = 1e2, 1e-6, 1e-5  # recovery by the heaviest row; least curvature
+OUTWEIGHS, IDLE, FLATTEST = 1e4, 1e-6, 1e-5  # recovery by the heaviest row; least curvature
 SCALES = (1.0, 0.25, 0.0625, 0.0)  # of a step that would end inside a margin, velocity level
 
 

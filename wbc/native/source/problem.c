@@ -16,7 +16,7 @@ static const double AT_LIMIT = 1e-9, FAR = 1e12;
  * approach limits as exp(-t / ARRIVAL) [s], and excess speed decays as exp(-t / SETTLE). */
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
 /* Recovery outweighs the tasks by this squared factor; the heaviest task counts as IDLE at least. */
-static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
+static const double RECOVERY_FACTOR = 1e4, IDLE = 1e-6;
 const double wbc_largest_qp = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
