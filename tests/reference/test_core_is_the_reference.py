@@ -1,10 +1,10 @@
 """The controllers answer what the textbook tick does, on random states of six robots.
 
-Differences are relative to the largest entry, or 1. Velocities of one level agree to 1e-9 at the
-velocity level (recovery weighs 1e4 times the heaviest cost); at the torque level to 1e-8 (forces
-are damped by 1e-2 beside weights of 5), torques, mass by 1/dt = 500/s times those, to 1e-7.
-Cascades agree to 1e-7; at the torque level to 1e-4, where an active torque bound leaves lower
-levels rows that are nearly dependent: seen was
+Differences are relative to the largest entry, or 1. Velocities of one level agree to 1e-10 at the
+velocity level; at the torque level to 1e-9 (forces are damped by 1e-2 beside weights of 5),
+torques, mass by 1/dt = 500/s times those, to 1e-8; to ten times those where a margin or a joint is
+recovered, which weighs 1e4 times the heaviest cost. Cascades agree to 1e-7; at the torque level to
+1e-4, where an active torque bound leaves lower levels rows that are nearly dependent: seen was
 1.3e-5 there, 1e-9 elsewhere. Where the reference finds no optimum of a cascade, nothing is said.
 """
 
@@ -32,7 +32,8 @@ DT = {False: 0.005, True: 0.002}
 # One that goes to the optimum: ProxQP stops at residuals of 1e-9.
 SOLVER = "active_set" if "active_set" in installed_solvers() else "daqp"
 KINDS = ("com", "position", "orientation", "inertia", "momentum", "damping", "posture")
-ONE_LEVEL = {False: (1e-9, 0.0), True: (1e-8, 1e-7)}
+ONE_LEVEL = {False: (1e-10, 0.0), True: (1e-9, 1e-8)}
+RECOVERING = {False: (1e-9, 0.0), True: (1e-8, 1e-7)}
 CASCADE = {False: (1e-7, 0.0), True: (1e-4, 1e-4)}
 
 
@@ -255,6 +256,7 @@ def test_tick_of_three_priorities_agrees_with_the_cascade(level: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_random_ticks_agree_with_the_textbook(name: str, level: str, build: str) -> None:
     stream, tolerances = (3, ONE_LEVEL) if build in SINGLE else (4, CASCADE)
+    tolerances = RECOVERING if build == "margins" else tolerances
     for seed in range(3):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, stream]))
         {**SINGLE, **LEVELLED}[build](case).assert_agrees(4, tolerances)
@@ -274,7 +276,7 @@ def test_random_ticks_of_second_order_inertia_agree_with_the_textbook(name: str)
 def test_random_ticks_outside_limits_agree_with_the_textbook(name: str, level: str) -> None:
     for seed in range(2):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 6]))
-        SINGLE["one foot"](case).assert_agrees(4, ONE_LEVEL, outside=0.01)
+        SINGLE["one foot"](case).assert_agrees(4, RECOVERING, outside=0.01)
 
 
 @pytest.mark.slow
