@@ -28,7 +28,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     "AxisTask": {"axis": (0, 0, 1)},
     "BrakingParameters": {"deceleration": 5.0, "gain": 0.5, "recovery": 0.2, "recovery_speed": 0.1},
     "ComSupport": {"margin": 0.01},
-    "ComSupport.over": {"feet": ("left", "right"), "margin": 0.01},
+    "ComSupport.over": {"feet": None, "margin": 0.01},
     "ComTask": {"axes": ("x", "y", "z")},
     "ContactForceTask": {
         "target": (0, 0, 0, 0, 0, 0),
