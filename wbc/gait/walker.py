@@ -211,7 +211,7 @@ class Walker:
                     f" posture that stands on both, on ground of at most {MAX_TILT:.0f} degrees"
                     f" (a slope of {MAX_SLOPE:g}, rise over run)"
                 )
-        self.heading = heading_of(now.rotations.values())
+        self.heading: float = heading_of(now.rotations.values())
         self._ground = SwingMotion.rest(float(now.middle[2]))
         self._normal = unit(now.normal)
         self._whole_body = WholeBody(
