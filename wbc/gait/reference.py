@@ -174,15 +174,16 @@ class StepPlanner:
         The threshold falls with the square of the speed. A foot whose goal was moved away as it
         came down touches the ground on its way there. None: it lands as planned.
         """
-        single = self.single_time(phase)
         if load is None:
             return phase.left <= 0.0
         if phase.swing.late > MAX_DELAY / self.gait.omega:
             return True
+        single = self.single_time(phase)
         pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / single) ** 2
+        if not (pressed and phase.swing.done > MIN_DONE):
+            return False
         usual = 2.0 * math.hypot(velocity.vx, velocity.vy) * (single + self.gait.double)
-        near = abs(phase.goal - phase.swing.place) < max(LANDING_DISTANCE, UNDONE * usual)
-        return pressed and near and phase.swing.done > MIN_DONE
+        return abs(phase.goal - phase.swing.place) < max(LANDING_DISTANCE, UNDONE * usual)
 
     def landing_pose(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
