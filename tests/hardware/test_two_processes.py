@@ -58,12 +58,17 @@ def test_an_unattended_robot_that_hangs_ends_with_3(tmp_path: Path) -> None:
     wbc = [sys.executable, "-u", "-m", "wbc", "hardware"]
     run = [*wbc, "run", str(PROBLEM), "--robot", "unitree_g1", "--unattended", "1", *shared]
     run += ["--log", str(tmp_path / "log.npz")]
-    with subprocess.Popen(
-        [*wbc, "sim", "g1", "--lifted", "0.35", *shared], stdout=subprocess.PIPE
-    ) as sim:
-        try:
-            assert sim.stdout is not None and sim.stdout.readline().endswith(b"ready\n")
-            ended = subprocess.run(run, capture_output=True, text=True, timeout=120.0, check=False)
-        finally:
-            sim.kill()
+    for _ in range(4):  # a busy machine may not read for 25 ms: then the robot stops for that
+        with subprocess.Popen(
+            [*wbc, "sim", "g1", "--lifted", "0.35", *shared], stdout=subprocess.PIPE
+        ) as sim:
+            try:
+                assert sim.stdout is not None and sim.stdout.readline().endswith(b"ready\n")
+                ended = subprocess.run(
+                    run, capture_output=True, text=True, timeout=120.0, check=False
+                )
+            finally:
+                sim.kill()
+        if "stop: no usable reading" not in ended.stdout:
+            break
     assert ended.returncode == 3 and "it hangs: its feet bear" in ended.stdout, ended.stdout
