@@ -64,7 +64,7 @@ sanitize: $(VENV)/dev.stamp
 	cd build/sanitized && PYTHONPATH=. ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 \
 		LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
 		$(CURDIR)/$(BIN)/python -m pytest -s -q -p no:xdist -m "not slow" \
-		tests/native tests/qp tests/tasks tests/constraints tests/controllers tests/estimation tests/loops
+		tests/native tests/qp tests/tasks tests/constraints tests/controllers tests/estimation tests/gait tests/loops
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
