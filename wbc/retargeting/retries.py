@@ -62,8 +62,8 @@ def solve(
     axes:
         The human's principal axes as columns (n, 3, 3).
     warm_start:
-        Configurations (m, nq) of the same motion at another speed; None: frame-by-frame inverse
-        kinematics.
+        Configurations (m, nq) of the same motion, perhaps at another speed; None: frame-by-frame
+        inverse kinematics.
     """
     tasks, collision = problem.tasks, problem.collision
     robot = tasks.robot
@@ -153,7 +153,7 @@ def solve_with_retries(
         if found.feasible:
             return MotionAttempt(found.q, problem, scale, 0)
     reductions, least = 0, (math.inf, math.inf)
-    warm_start: Array | None = None
+    warm_start = _warm_start(best)
     if MUCH_TOO_FAST < best.speed_ratio < MAX_OVERSPEED:
         scale, warm_start = _stretched(scale, best, 1)
     for number in range(ATTEMPTS):
@@ -190,5 +190,9 @@ def _stretched(
 ) -> tuple[MotionScale, Array | None]:
     """Return the scale of a motion that is slow enough, and its warm start."""
     stretch = min(best.speed_ratio, MAX_STRETCH) * (1.0 + attempt * EXTRA_STRETCH)
-    warm_start = best.q if best.violation < FEASIBLE else None
-    return replace(scale, time=scale.time * stretch), warm_start
+    return replace(scale, time=scale.time * stretch), _warm_start(best)
+
+
+def _warm_start(best: Linearization) -> Array | None:
+    """Return the configurations (n, nq) of an attempt that the next one may begin with."""
+    return best.q if best.violation < FEASIBLE else None
