@@ -40,11 +40,8 @@ class DeclaredAttributes:
     def _set_attribute(self, name: str, value: object) -> None:
         """Assign an attribute; subclasses override this for checks and side effects.
 
-        Raises
-        ------
-        InvalidInputError
-            It is not declared, or it is only read when the object is made: assigning it would
-            change nothing.
+        Raises InvalidInputError: it is not declared, or it is only read when the object is made:
+        assigning it would change nothing.
         """
         if name in self._declared:
             if name in self._fixed and name in self.__dict__:

@@ -67,11 +67,8 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
 
     ``fill``: called with the open binary file.
 
-    Raises
-    ------
-    OSError
-        The file cannot be written; an existing one is unchanged. The error names the file, not the
-        temporary one.
+    Raises OSError: the file cannot be written; an existing one is unchanged. The error names the
+    file, not the temporary one.
     """
     path = Path(path)
     try:
@@ -125,20 +122,12 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Return arrays of an NPZ file by name; declared sizes are checked before unpacking.
 
-    Parameters
-    ----------
-    pick:
-        Selects the wanted arrays from the names of all.
-    kinds:
-        Returns the allowed kinds of NumPy types (``dtype.kind``) of a name's array.
-    largest:
-        Of all wanted arrays unpacked [bytes].
+    ``pick``: selects the wanted arrays from the names of all.
+    ``kinds``: returns the allowed kinds of NumPy types (``dtype.kind``) of a name's array.
+    ``largest``: of all wanted arrays unpacked [bytes].
 
-    Raises
-    ------
-    ArrayFileError
-        Missing, damaged, encrypted, too large, an array twice, of another kind, or not of the shape
-        that it declares.
+    Raises ArrayFileError: missing, damaged, encrypted, too large, an array twice, of another kind,
+    or not of the shape that it declares.
     """
     try:
         with zipfile.ZipFile(path) as file:

@@ -24,24 +24,14 @@ class Journal:
 
     It is locked: a second process is refused, so that no work is done twice.
 
-    Parameters
-    ----------
-    path:
-        If it exists, it is continued.
-    made_of:
-        The inputs that the entries depend on, as plain data; a file with others is refused.
+    ``path``: if it exists, it is continued.
+    ``made_of``: the inputs that the entries depend on, as plain data; a file with others is
+    refused.
 
-    Attributes
-    ----------
-    entries:
-        The entries of an existing file.
+    ``entries``: the entries of an existing file.
 
-    Raises
-    ------
-    InvalidInputError
-        Not such a file, or one with other inputs, or another process is writing it.
-    JournalError
-        It cannot be read or written.
+    Raises InvalidInputError: not such a file, or one with other inputs, or another process is
+    writing it; JournalError: it cannot be read or written.
     """
 
     def __init__(self, path: Path, made_of: Mapping[str, Any]) -> None:
@@ -68,10 +58,7 @@ class Journal:
     def add(self, entry: Mapping[str, Any]) -> None:
         """Append an entry.
 
-        Raises
-        ------
-        JournalError
-            It cannot be written; earlier entries are kept.
+        Raises JournalError: it cannot be written; earlier entries are kept.
         """
         whole = self._file.seek(0, os.SEEK_END)
         try:

@@ -21,12 +21,9 @@ DPI, SHOWN_WIDTH = 80, 640  # of pictures: dots per inch, and width on the page 
 def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
     """Return a title and a table of names and values as HTML, in the page's own colours.
 
-    Parameters
-    ----------
-    facts:
-        Names and values; empty values are left out.
-    rows:
-        Names and values of a kind with many: the first twelve are shown, with the total number.
+    ``facts``: names and values; empty values are left out.
+    ``rows``: names and values of a kind with many: the first twelve are shown, with the total
+    number.
     """
     rows = list(rows)
     told = [(name, text) for name, text in (*facts, *rows[:MOST_ROWS]) if text]
@@ -42,11 +39,8 @@ def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
 def with_picture(table: str, figure: str, *parts: Any) -> str:
     """Return a table, and below it a picture if Matplotlib is installed.
 
-    Parameters
-    ----------
-    figure:
-        What returns the figure of ``parts``, as ``module:function``: pictures stand on a floor
-        above those who show themselves.
+    ``figure``: what returns the figure of ``parts``, as ``module:function``: pictures stand on a
+    floor above those who show themselves.
     """
     if find_spec("matplotlib") is None:
         return table

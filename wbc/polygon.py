@@ -112,10 +112,7 @@ def _half_planes(corners: Array) -> tuple[Array, Array]:
 def inset(polygon: ArrayLike, margin: float) -> Array:
     """Return the corners (k, 2) of what lies ``margin`` [m] or more inside, counter-clockwise.
 
-    Raises
-    ------
-    InvalidInputError
-        Nothing does; or see :func:`half_planes`.
+    Raises InvalidInputError: nothing does; or see :func:`half_planes`.
     """
     checked, margin = checked_polygon(polygon), finite_number("margin", margin)
     normals, offsets = _half_planes(checked)
@@ -141,18 +138,11 @@ def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
 
     The distance to the nearest point of the polygon's edge, in both cases.
 
-    Parameters
-    ----------
-    polygon:
-        Corners (k, 2) [m] of a convex polygon, counter-clockwise. One or two corners are a point
-        or segment, which has no inside: the margin is then at most zero.
-    points:
-        Points (..., 2) [m].
+    ``polygon``: corners (k, 2) [m] of a convex polygon, counter-clockwise. One or two corners are a
+    point or segment, which has no inside: the margin is then at most zero.
+    ``points``: points (..., 2) [m].
 
-    Raises
-    ------
-    InvalidInputError
-        No corners, not finite, or not convex and counter-clockwise.
+    Raises InvalidInputError: no corners, not finite, or not convex and counter-clockwise.
     """
     corners = checked_polygon(polygon)
     given = real_array("points", points)

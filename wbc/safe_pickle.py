@@ -53,13 +53,8 @@ def write_pickled(path: str | Path, kind: str, content: Any) -> None:
 
     ``kind``: what it is, such as ``"wbc tick 1"``.
 
-    Raises
-    ------
-    InvalidInputError
-        Something in it cannot be pickled, such as a task of yours that holds an open file; or this
-        is no path.
-    OSError
-        The file cannot be written.
+    Raises InvalidInputError: something in it cannot be pickled, such as a task of yours that holds
+    an open file; or this is no path; OSError: the file cannot be written.
     """
     check_path("file to write", path)
     try:

@@ -72,14 +72,9 @@ class Workers:
     They are started as they are needed, fresh (``spawn``), so a script needs the usual ``if
     __name__ == "__main__"`` guard. Ctrl-C does not reach them, and they end with this process.
 
-    Parameters
-    ----------
-    make:
-        Makes the function that is called.
-    on_death:
-        Told of every process that died.
-    attempts:
-        How often the same call is tried, if processes die of it.
+    ``make``: makes the function that is called.
+    ``on_death``: told of every process that died.
+    ``attempts``: how often the same call is tried, if processes die of it.
     """
 
     def __init__(

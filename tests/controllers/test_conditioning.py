@@ -6,7 +6,7 @@ from scipy.linalg import null_space
 
 from wbc.constraints import PositionBox, support
 from wbc.controllers import KinematicController, TorqueController
-from wbc.controllers.conditioning import conditioning
+from wbc.controllers.singular import conditioning
 from wbc.qp import QP
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask

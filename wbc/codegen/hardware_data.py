@@ -50,12 +50,9 @@ class HardwareParts(NamedTuple):
     def of(cls, problem: Problem, profile: Profile) -> HardwareParts:
         """Return those that ``wbc hardware run`` would have.
 
-        Raises
-        ------
-        InvalidInputError
-            A problem of the velocity level, whose period is not of whole cycles, or that does not
-            begin on all feet; a robot that cannot crouch, whose effort limits are not known, or
-            that no gains fit.
+        Raises InvalidInputError: a problem of the velocity level, whose period is not of whole
+        cycles, or that does not begin on all feet; a robot that cannot crouch, whose effort limits
+        are not known, or that no gains fit.
         """
         require_torque(problem, "a robot is commanded torques")
         check_start(problem)

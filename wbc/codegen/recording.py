@@ -44,16 +44,10 @@ class RecordedTick(NamedTuple):
 class TickRecording:
     """The first ticks of a run.
 
-    Attributes
-    ----------
-    numbers:
-        What the core read of the tasks in the first tick.
-    ticks:
-        Without those of lost frames, and those left out.
-    left_out:
-        Ticks in which the core alone gives no command, by the reason.
-    fell:
-        Why and when the simulated robot fell; empty if it stood.
+    ``numbers``: what the core read of the tasks in the first tick.
+    ``ticks``: without those of lost frames, and those left out.
+    ``left_out``: ticks in which the core alone gives no command, by the reason.
+    ``fell``: why and when the simulated robot fell; empty if it stood.
     """
 
     def __init__(self, most: int) -> None:
@@ -74,10 +68,7 @@ class TickRecording:
     def add(self, now: LoopTick, controller: Controller | None) -> None:
         """Keep a tick.
 
-        Raises
-        ------
-        CodegenError
-            The controller has something that the core does not know.
+        Raises CodegenError: the controller has something that the core does not know.
         """
         seen = now.snapshot
         if controller is None or self.full() or seen is self._last:

@@ -275,17 +275,10 @@ class PointContact(Contact):
 class ContactRows:
     """The rows of contacts in the QP, see :mod:`wbc.constraints.independent_rows`.
 
-    Parameters
-    ----------
-    contacts:
-        Contacts, or other tasks to be met exactly.
-    row_selections:
-        Indices of the rows of each, increasing; None for all.
+    ``contacts``: contacts, or other tasks to be met exactly.
+    ``row_selections``: indices of the rows of each, increasing; None for all.
 
-    Attributes
-    ----------
-    labels:
-        Of the rows, such as ``"left_sole x"``.
+    ``labels``: of the rows, such as ``"left_sole x"``.
     """
 
     def __init__(self, contacts: Sequence[Task], row_selections: Sequence[Index | None]) -> None:

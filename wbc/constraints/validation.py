@@ -21,11 +21,8 @@ FAR = 1e9  # m: clearances beyond it are as good as infinite, and can be subtrac
 def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: bool) -> Bounds:
     """Return the rows of a constraint; ``braked``: those for the torque level.
 
-    Raises
-    ------
-    InvalidInputError
-        A user's constraint returns something else, or shapes that do not match its labels and the
-        robot's nv; the message names constraint and field.
+    Raises InvalidInputError: a user's constraint returns something else, or shapes that do not
+    match its labels and the robot's nv; the message names constraint and field.
     """
     method = "braked_rows" if braked else "rows"
     found: Bounds = answer_of(constraint, method, getattr(constraint, method), snapshot, dt)

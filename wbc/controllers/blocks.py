@@ -50,18 +50,11 @@ class _BlockViews(NamedTuple):
 class Part:
     """One task or contact, and views on its numbers in the core.
 
-    Parameters
-    ----------
-    selected:
-        Indices of the rows of a contact that are in the QP; None for all.
-    held:
-        Whether its rows are met exactly.
-    torque:
-        Whether the task follows its second-order law.
-    level:
-        Of the costs, the most important is 0.
-    scale:
-        Factor on the weights: of a contact that may give way.
+    ``selected``: indices of the rows of a contact that are in the QP; None for all.
+    ``held``: whether its rows are met exactly.
+    ``torque``: whether the task follows its second-order law.
+    ``level``: of the costs, the most important is 0.
+    ``scale``: factor on the weights: of a contact that may give way.
     """
 
     def __init__(
@@ -180,12 +173,8 @@ class TaskEvaluation(NamedTuple):
 class PythonPart(Part):
     """One task or contact that Python evaluates, and views on its numbers in the core.
 
-    Parameters
-    ----------
-    nv:
-        Number of velocities.
-    curved:
-        Whether its residual has a curvature, which goes into the cost.
+    ``nv``: number of velocities.
+    ``curved``: whether its residual has a curvature, which goes into the cost.
     """
 
     def __init__(self, part: Part, nv: int, curved: bool) -> None:

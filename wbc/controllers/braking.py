@@ -57,12 +57,8 @@ def scale_gains_to_brake(
 ) -> None:
     """Scale the gains of one level's QP (its g) so that all joints can brake.
 
-    Parameters
-    ----------
-    qp:
-        The QP, whose g is changed.
-    rows:
-        Costs of the level; those without a rate (not of the velocity law) are not scaled.
+    ``qp``: the QP, whose g is changed.
+    ``rows``: costs of the level; those without a rate (not of the velocity law) are not scaled.
     """
     nv = snapshot.v.size
     fastest = max((row.rate for row in rows), default=0.0)

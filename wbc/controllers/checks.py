@@ -79,10 +79,7 @@ def warn_outside_limits(snapshot: Snapshot) -> bool:
 def warn_far_targets(tasks: Sequence[Task], errors: Mapping[str, Array]) -> None:
     """Warn of targets that no robot reaches: they may be in mm, or in degrees.
 
-    Parameters
-    ----------
-    errors:
-        Of each task, by its name, in its own units.
+    ``errors``: of each task, by its name, in its own units.
     """
     for task in tasks:
         if not np.any(task.weight):  # switched off, such as a walker's swing foot that stands
@@ -208,10 +205,8 @@ def motion_and_forces(
 ) -> tuple[tuple[Task, ...], tuple[ForceTask, ...]]:
     """Return the tasks about motion and those about forces.
 
-    Raises
-    ------
-    InvalidInputError
-        A task about forces, and a controller that ``decides_forces`` none; the message names both.
+    Raises InvalidInputError: a task about forces, and a controller that ``decides_forces`` none;
+    the message names both.
     """
     forces = tuple(task for task in tasks if isinstance(task, ForceTask))
     if forces and not decides_forces:
@@ -232,12 +227,8 @@ def check_parts(
 ) -> None:
     """Refuse what is no part of a controller, parts of another robot, and names given twice.
 
-    Raises
-    ------
-    InvalidInputError
-        The message says which part, and what it should be.
-    UnknownNameError
-        ``slack`` of what is not there.
+    Raises InvalidInputError: the message says which part, and what it should be; UnknownNameError:
+    ``slack`` of what is not there.
     """
     check_robot("controller", robot)
     for kind, given, wanted in (
@@ -297,10 +288,7 @@ def check_parts(
 def check_snapshot(robot: Robot, snapshot: object, more: object = None) -> None:
     """Raise unless ``snapshot`` is one of this robot object, and there is no ``more``.
 
-    Raises
-    ------
-    InvalidInputError
-        The message says what was given.
+    Raises InvalidInputError: the message says what was given.
     """
     if more is not None or not isinstance(snapshot, Snapshot):
         given = [snapshot] if more is None else [snapshot, more]
@@ -325,10 +313,8 @@ def validate_returns(
 ) -> None:
     """Raise an error that names the part whose return value broke a tick; up to a millisecond.
 
-    Raises
-    ------
-    InvalidInputError
-        A task's residual or a constraint's rows are none, or not finite; the message names it.
+    Raises InvalidInputError: a task's residual or a constraint's rows are none, or not finite; the
+    message names it.
     """
     for task in (*tasks, *contacts):
         validation.check_residual(task, snapshot)

@@ -27,12 +27,8 @@ def competing_tasks(
 ) -> dict[str, float]:
     """Return the gains, by name, of the tasks of one level that compete at different gains.
 
-    Parameters
-    ----------
-    tasks:
-        About motion.
-    velocity:
-        (nv,) commanded at the snapshot.
+    ``tasks``: about motion.
+    ``velocity``: (nv,) commanded at the snapshot.
     """
     by_level = groupby(sorted(tasks, key=lambda one: one.priority), lambda one: one.priority)
     for _, level in by_level:

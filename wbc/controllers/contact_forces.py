@@ -85,28 +85,15 @@ class ContactPart(NamedTuple):
 class ContactForces:
     """The force unknowns of a set of contacts.
 
-    Parameters
-    ----------
-    unit:
-        Newtons per unit of an unknown, m / dt.
+    ``unit``: newtons per unit of an unknown, m / dt.
 
-    Attributes
-    ----------
-    size:
-        How many unknowns there are, k.
-    names:
-        (k,).
-    parts:
-        Of each contact that bears forces.
-    lower, upper:
-        (k,) bounds: normal forces push.
-    labels:
-        Of the rows of :meth:`bounds`.
+    ``size``: how many unknowns there are, k.
+    ``names``: (k,).
+    ``parts``: of each contact that bears forces.
+    ``lower``, ``upper``: (k,) bounds: normal forces push.
+    ``labels``: of the rows of :meth:`bounds`.
 
-    Raises
-    ------
-    InvalidInputError
-        A contact with a friction cone on a frame whose corners are not known.
+    Raises InvalidInputError: a contact with a friction cone on a frame whose corners are not known.
     """
 
     def __init__(self, robot: Robot, contacts: Sequence[Task], unit: float) -> None:
@@ -215,21 +202,11 @@ class ContactForces:
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """The contact forces of one tick.
+    """The contact forces of one tick."""
 
-    Attributes
-    ----------
-    layout:
-        Which unknown is what.
-    snapshot:
-        Where they act.
-    f:
-        (k,) the unknowns.
-    """
-
-    layout: ContactForces
-    snapshot: Snapshot
-    f: Array
+    layout: ContactForces  # which unknown is what
+    snapshot: Snapshot  # where they act
+    f: Array  # (k,) the unknowns
 
     def wrenches(self) -> dict[str, Array]:
         """Return the wrench (6,) [N, N m] of each contact at its frame's origin, world axes.

@@ -39,12 +39,8 @@ class LevelViews(NamedTuple):
 class Layout:
     """Where the arrays of a level lie in a tick's memory, as the core says.
 
-    Attributes
-    ----------
-    sizes:
-        n, k, m.
-    out, below:
-        How many numbers there are in all.
+    ``sizes``: n, k, m.
+    ``out``, ``below``: how many numbers there are in all.
     """
 
     def __init__(self, at: Sequence[int], level: int, nv: int, torque: bool, costs: int) -> None:

@@ -34,30 +34,18 @@ NULL, NOTHING = ffi.NULL, np.empty(0)
 class CoreMemory:
     """Arrays and structures that the core reads, and what it is called with.
 
-    Parameters
-    ----------
-    rows:
-        What the torque level adds; None at the velocity level.
-    margin:
-        Between the robot's bodies; None: no rows of it.
-    solver:
-        Solves the first level: the core itself, or ProxQP on the reduced QP. None: the core only
-        sets the QP up.
-    error_offset:
-        (held,) added to the errors of loops and gears; :class:`LoopClosing` writes it.
-    keeps_rows:
-        Whether the rows of costs stay readable after the tick.
+    ``rows``: what the torque level adds; None at the velocity level.
+    ``margin``: between the robot's bodies; None: no rows of it.
+    ``solver``: solves the first level: the core itself, or ProxQP on the reduced QP. None: the core
+    only sets the QP up.
+    ``error_offset``: (held,) added to the errors of loops and gears; :class:`LoopClosing` writes
+    it.
+    ``keeps_rows``: whether the rows of costs stay readable after the tick.
 
-    Attributes
-    ----------
-    arrays:
-        Inputs and scratch of the core, by the names of ``wbc_plan`` in source/core.h.
-    struct:
-        Pointer to the ``wbc_plan``.
-    tree, blocks:
-        The other structs that it reads, except those of the forces.
-    status:
-        Returned by the core's last call.
+    ``arrays``: inputs and scratch of the core, by the names of ``wbc_plan`` in source/core.h.
+    ``struct``: pointer to the ``wbc_plan``.
+    ``tree``, ``blocks``: the other structs that it reads, except those of the forces.
+    ``status``: returned by the core's last call.
     """
 
     def __init__(
@@ -159,14 +147,10 @@ class CoreMemory:
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
         """Run the core in new memory, which the tick keeps as its evidence; return the status.
 
-        Parameters
-        ----------
-        measured:
-            q, then v.
-        state:
-            The kinematic state that the core computed there before; None: it is computed now.
-        solve:
-            Whether the QP is solved too, if the core solves it.
+        ``measured``: q, then v.
+        ``state``: the kinematic state that the core computed there before; None: it is computed
+        now.
+        ``solve``: whether the QP is solved too, if the core solves it.
         """
         known, layout, struct = NULL, self.layout, self.struct
         if state is not None:

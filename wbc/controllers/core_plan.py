@@ -45,33 +45,19 @@ class CorePlan:
 
     Its memory belongs to the controller; threads that share one take turns.
 
-    Parameters
-    ----------
-    tasks, forces:
-        Motion tasks and force tasks.
-    rows:
-        The torque level's rows; None at the velocity level.
-    constraint:
-        The self-collision margin that the core evaluates; None if there is none.
-    modifies_qps:
-        Whether the QPs of levels are changed in Python before they are solved.
-    needs_state:
-        Whether other parts of the tick read the kinematic state: the snapshot keeps it then.
-    error_offset:
-        (held,) added to the errors of loops and gears.
-    curved:
-        Names of tasks in Python whose residuals have a curvature.
+    ``tasks``, ``forces``: motion tasks and force tasks.
+    ``rows``: the torque level's rows; None at the velocity level.
+    ``constraint``: the self-collision margin that the core evaluates; None if there is none.
+    ``modifies_qps``: whether the QPs of levels are changed in Python before they are solved.
+    ``needs_state``: whether other parts of the tick read the kinematic state: the snapshot keeps it
+    then.
+    ``error_offset``: (held,) added to the errors of loops and gears.
+    ``curved``: names of tasks in Python whose residuals have a curvature.
 
-    Attributes
-    ----------
-    memory:
-        The core's inputs and scratch.
-    margin:
-        The self-collision margin in the core, or None.
-    python_tasks:
-        Motion tasks, soft contacts and contacts that Python evaluates.
-    force_tasks:
-        Force tasks that Python evaluates.
+    ``memory``: the core's inputs and scratch.
+    ``margin``: the self-collision margin in the core, or None.
+    ``python_tasks``: motion tasks, soft contacts and contacts that Python evaluates.
+    ``force_tasks``: force tasks that Python evaluates.
     """
 
     def __init__(
@@ -194,18 +180,11 @@ class CorePlan:
     ) -> CoreTick | None:
         """Return the QPs at ``snapshot``, maybe solved; None: the plan has to be made anew.
 
-        Parameters
-        ----------
-        evaluations:
-            Residuals of the tasks that Python evaluates.
-        bounds:
-            Inequality rows of the constraints that Python evaluates.
-        ramps:
-            The largest normal forces [N] of contacts that come or go.
-        start_time:
-            When the tick began [s]; None: now.
-        solve:
-            False: set up the first level's QP and solve nothing.
+        ``evaluations``: residuals of the tasks that Python evaluates.
+        ``bounds``: inequality rows of the constraints that Python evaluates.
+        ``ramps``: the largest normal forces [N] of contacts that come or go.
+        ``start_time``: when the tick began [s]; None: now.
+        ``solve``: False: set up the first level's QP and solve nothing.
         """
         if start_time is None:
             start_time = perf_counter()

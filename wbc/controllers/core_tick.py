@@ -42,25 +42,15 @@ class TickNames(NamedTuple):
 class CoreTick:
     """The QPs of a tick, and their checked solutions.
 
-    Parameters
-    ----------
-    start_time, call_time, done:
-        When the tick began, when the core was called, and when it was done [s].
+    ``start_time``, ``call_time``, ``done``: when the tick began, when the core was called, and when
+    it was done [s].
 
-    Attributes
-    ----------
-    evaluations:
-        Residuals of the tasks that Python evaluated.
-    solved:
-        Whether there is a command.
-    first_call:
-        The solver call of the first level; None: the core's own.
-    first_solution:
-        The first level's solution if another solver found it.
-    skipped:
-        Steps that were left out because the deadline was over, or because they failed.
-    relaxed:
-        The QP in which only physics is hard, if the original had no solution.
+    ``evaluations``: residuals of the tasks that Python evaluated.
+    ``solved``: whether there is a command.
+    ``first_call``: the solver call of the first level; None: the core's own.
+    ``first_solution``: the first level's solution if another solver found it.
+    ``skipped``: steps that were left out because the deadline was over, or because they failed.
+    ``relaxed``: the QP in which only physics is hard, if the original had no solution.
     """
 
     status, policy = Status.SOLVED, None

@@ -43,10 +43,7 @@ class StanceBraking:
     At 4 the roll of a walking G1 was bounded from 0.2 of its 0.26 rad before the limit: pushed
     sideways, it fell. Accelerations that were given to the limits are used as they are.
 
-    Parameters
-    ----------
-    torques:
-        (nv - 6,) largest torques [N m or N].
+    ``torques``: (nv - 6,) largest torques [N m or N].
     """
 
     def __init__(self, robot: Robot, torques: Array) -> None:

@@ -29,10 +29,8 @@ RELAXED_DAMPING = (1e-9, 1e-7, 1e-5)
 class FirstLevel:
     """A backend, with the core's active-set method where it fails.
 
-    Parameters
-    ----------
-    torque:
-        Whether it is for the torque level, where qpsolvers' backends get one bounded attempt.
+    ``torque``: whether it is for the torque level, where qpsolvers' backends get one bounded
+    attempt.
     """
 
     def __init__(self, backend: Backend, torque: bool) -> None:
@@ -46,14 +44,9 @@ class FirstLevel:
     ) -> Solution:
         """Return the checked solution of a tick's first level.
 
-        Parameters
-        ----------
-        status:
-            The core's, if it has tried to solve it.
-        workspace:
-            Key of the warm start; None: no warm start.
-        deadline_over:
-            If so, a failure is not followed by another attempt.
+        ``status``: the core's, if it has tried to solve it.
+        ``workspace``: key of the warm start; None: no warm start.
+        ``deadline_over``: if so, a failure is not followed by another attempt.
         """
         qp, weights = found.qp_of(0), found.slack_weights
         if status == INFEASIBLE and weights is None:
@@ -76,10 +69,8 @@ class FirstLevel:
     def solve_relaxed(self, qp: QP, weights: Array | None, rest: Array) -> Solution:
         """Return the checked solution of a relaxed QP, its slacks behind the unknowns.
 
-        Parameters
-        ----------
-        rest:
-            (n,) values that the damping draws unknowns to, where light costs are below rounding.
+        ``rest``: (n,) values that the damping draws unknowns to, where light costs are below
+        rounding.
         """
         if weights is None:
             return self._solve_by_backend(qp, None, deadline_over=True)

@@ -38,10 +38,7 @@ class Ramp(NamedTuple):
 class ForceRamps:
     """The ramps that run in a controller.
 
-    Parameters
-    ----------
-    full:
-        Where a new contact's bound ends, before there is none [N].
+    ``full``: where a new contact's bound ends, before there is none [N].
     """
 
     def __init__(self, full: float) -> None:
@@ -74,12 +71,10 @@ class ForceRamps:
     ) -> tuple[Task, ...]:
         """Start the ramps of a change of contacts; return the contacts of the next tick.
 
-        Parameters
-        ----------
-        held, wanted:
-            Contacts until now and from now on; one of the same name stays, wherever its anchor is.
-        normal_forces:
-            Of the last tick [N], by contact; those that have none are taken and dropped at once.
+        ``held``, ``wanted``: contacts until now and from now on; one of the same name stays,
+        wherever its anchor is.
+        ``normal_forces``: of the last tick [N], by contact; those that have none are taken and
+        dropped at once.
         """
         if ticks < 1:
             self._coming, self._going = {}, {}

@@ -34,19 +34,11 @@ class TorqueRows:
 class NativeForces:
     """The torque level's arrays in the core.
 
-    Parameters
-    ----------
-    blocks:
-        Block number of each contact that is met exactly.
+    ``blocks``: block number of each contact that is met exactly.
 
-    Attributes
-    ----------
-    arrays:
-        By the names of ``wbc_plan`` in source/core.h.
-    structs:
-        The force unknowns of each contact, ``wbc_force[]``.
-    stale:
-        Whether a contact was changed since the cones were written.
+    ``arrays``: by the names of ``wbc_plan`` in source/core.h.
+    ``structs``: the force unknowns of each contact, ``wbc_force[]``.
+    ``stale``: whether a contact was changed since the cones were written.
     """
 
     def __init__(

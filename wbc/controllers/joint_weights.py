@@ -22,19 +22,11 @@ JointWeights = Mapping[str, float] | ArrayLike
 def weights_of(robot: Robot, given: JointWeights | None) -> Array:
     """Return the weights (nv,), all 1 where nothing is given.
 
-    Parameters
-    ----------
-    given:
-        By joint name or shell pattern, and ``"base"`` for the six of the base; later entries win.
-        Or (nv,) numbers. All above 0.
+    ``given``: by joint name or shell pattern, and ``"base"`` for the six of the base; later entries
+    win. Or (nv,) numbers. All above 0.
 
-    Raises
-    ------
-    UnknownNameError
-        A name or pattern that no joint matches.
-    InvalidInputError
-        A weight that is not a positive number, not as many as v has entries, or a key that is no
-        name.
+    Raises UnknownNameError: a name or pattern that no joint matches; InvalidInputError: a weight
+    that is not a positive number, not as many as v has entries, or a key that is no name.
     """
     weights: Array = np.ones(robot.nv)
     if isinstance(given, Mapping):
@@ -53,10 +45,7 @@ def weights_of(robot: Robot, given: JointWeights | None) -> Array:
 def moved_by(robot: Robot, pattern: str) -> list[int]:
     """Return the entries of v of the joints that a name or pattern matches, or of ``"base"``.
 
-    Raises
-    ------
-    UnknownNameError
-        No joint matches.
+    Raises UnknownNameError: No joint matches.
     """
     found = [BASE_NV + k for k in matches(pattern, robot.joint_names)]
     if not found and pattern != BASE:

@@ -32,19 +32,12 @@ RETRIED = "another attempt at the QP"
 class Levels:
     """Solves the levels of ticks that the core alone does not.
 
-    Parameters
-    ----------
-    joint_weights:
-        (nv,) of the damping: the metric of least motions.
-    torque:
-        Whether it is for the torque level, which has neither singular rows nor bounded braking.
+    ``joint_weights``: (nv,) of the damping: the metric of least motions.
+    ``torque``: whether it is for the torque level, which has neither singular rows nor bounded
+    braking.
 
-    Attributes
-    ----------
-    bounds_braking:
-        Whether the acceleration limits bound how joints slow down.
-    modifies_qps:
-        Whether QPs are changed before they are solved.
+    ``bounds_braking``: whether the acceleration limits bound how joints slow down.
+    ``modifies_qps``: whether QPs are changed before they are solved.
     """
 
     def __init__(
@@ -73,12 +66,8 @@ class Levels:
     ) -> Outcome:
         """Solve the levels of a tick that the core did not solve, all or those below others.
 
-        Parameters
-        ----------
-        box:
-            Bounds on v+ in place of the limits'; None: the limits'.
-        simple:
-            Whether the core has already tried to solve all levels.
+        ``box``: bounds on v+ in place of the limits'; None: the limits'.
+        ``simple``: whether the core has already tried to solve all levels.
         """
         names = self._plan.decision.names
         status: int | None = core.memory.status

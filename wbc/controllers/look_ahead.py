@@ -81,15 +81,10 @@ def solve_with_look_ahead(
 ) -> Outcome:
     """Return the outcome with margins kept at its end, and its scale to command.
 
-    Parameters
-    ----------
-    solve:
-        Solves all levels with some inequality rows, in a box on v+ (None: the limits').
-    held:
-        Returns the rows of the contacts: if a QP has no solution, margins are relaxed by what these
-        need.
-    over:
-        Whether the deadline of the tick is over: nothing is solved again then.
+    ``solve``: solves all levels with some inequality rows, in a box on v+ (None: the limits').
+    ``held``: returns the rows of the contacts: if a QP has no solution, margins are relaxed by what
+    these need.
+    ``over``: whether the deadline of the tick is over: nothing is solved again then.
     """
     outcome, rows, confirmed = solve_with_cuts(solve, margins, over)
     if not outcome.solved:

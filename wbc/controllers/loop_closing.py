@@ -35,23 +35,13 @@ Step = Callable[[Snapshot], Tick]
 class LoopClosing:
     """Repeats ticks until gears and loops among the contacts are closed at their end.
 
-    Parameters
-    ----------
-    held:
-        The contacts that are met exactly.
-    error_offset:
-        (held,) added by the core to their errors; written here.
+    ``held``: the contacts that are met exactly.
+    ``error_offset``: (held,) added by the core to their errors; written here.
 
-    Attributes
-    ----------
-    parts:
-        All gears and loops, and their rows among the held ones.
-    nonlinear:
-        Whether any of them is nonlinear in q.
-    busy:
-        Whether a tick is being repeated.
-    lock:
-        Held meanwhile: threads that share a controller take turns.
+    ``parts``: all gears and loops, and their rows among the held ones.
+    ``nonlinear``: whether any of them is nonlinear in q.
+    ``busy``: whether a tick is being repeated.
+    ``lock``: held meanwhile: threads that share a controller take turns.
     """
 
     def __init__(self, held: ContactRows, error_offset: Array, dt: float) -> None:

@@ -18,16 +18,11 @@ from wbc.validate import Array
 class NativeMargin:
     """A self-collision constraint in the core.
 
-    Attributes
-    ----------
-    rows:
-        Number of pairs with a row.
-    struct:
-        Pointer to the ``wbc_margin``.
-    known:
-        The pairs, their distances and braking.
-    watched, arrays:
-        Kept alive for the struct; the arrays by the names of ``wbc_margin`` in source/core.h.
+    ``rows``: number of pairs with a row.
+    ``struct``: pointer to the ``wbc_margin``.
+    ``known``: the pairs, their distances and braking.
+    ``watched``, ``arrays``: kept alive for the struct; the arrays by the names of ``wbc_margin`` in
+    source/core.h.
     """
 
     def __init__(self, constraint: SelfCollision, known: WatchedPairs, tree: NativeTree) -> None:

@@ -25,12 +25,8 @@ AT_LIMIT = 0.99  # part of a velocity's bound
 class MissingVelocity:
     """Detects ticks at rest between which the robot moves.
 
-    Parameters
-    ----------
-    dt:
-        Time step [s].
-    damped:
-        Whether the tasks' laws read the velocity: at the torque level.
+    ``dt``: time step [s].
+    ``damped``: whether the tasks' laws read the velocity: at the torque level.
     """
 
     def __init__(self, dt: float, damped: bool) -> None:

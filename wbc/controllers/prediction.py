@@ -20,12 +20,8 @@ _EVEN = 1e-9  # tolerance of a delay that is a whole number of ticks, in ticks
 class StatePrediction:
     """Predicts measured states over a delay.
 
-    Parameters
-    ----------
-    delay:
-        From the measurement to the instant at which the resulting torque acts [s].
-    dt:
-        Of a tick [s].
+    ``delay``: from the measurement to the instant at which the resulting torque acts [s].
+    ``dt``: of a tick [s].
     """
 
     def __init__(self, robot: Robot, delay: float, dt: float) -> None:

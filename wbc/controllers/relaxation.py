@@ -57,14 +57,9 @@ def relaxed_qp(
 ) -> SlackQP:
     """Return the QP in which only physics is hard.
 
-    Parameters
-    ----------
-    qp:
-        With the costs of all levels, equalities and box of the first, and only physics' rows.
-    margins:
-        Rows of each constraint, with cutting planes where there are some.
-    unit:
-        Square of the heaviest row's weight.
+    ``qp``: with the costs of all levels, equalities and box of the first, and only physics' rows.
+    ``margins``: rows of each constraint, with cutting planes where there are some.
+    ``unit``: square of the heaviest row's weight.
     """
     n, nv = plan.decision.size, plan.decision.nv
     unit = max(unit, IDLE)

@@ -33,9 +33,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import eigh, lapack, null_space
 
 from wbc.laws import Rows
+from wbc.qp.problem import QP
 from wbc.validate import Array
 
 # Least weight of a row relative to the heaviest; lighter rows are raised to it, for accuracy.
@@ -49,19 +50,13 @@ ROUNDING = 1e-13
 class Singularity(NamedTuple):
     """Rank and conditioning of one task in the null space that is left to it.
 
-    Attributes
-    ----------
-    rank:
-        Rank of its rows that have weight: the number of singular values at or above
-        ``singular_threshold``. They are those of the Jacobian in the null space, and for joints of
-        different weights those of A above without W.
-    least:
-        Least singular value [the error's unit/s per rad/s].
-    condition:
-        Largest over least singular value; infinite if the least is 0.
-    rate_reduction:
-        (k,) wanted minus reduced rate of the error. None if neither this task is singular nor all
-        tasks of its level together that have opted in.
+    ``rank``: rank of its rows that have weight: the number of singular values at or above
+    ``singular_threshold``. They are those of the Jacobian in the null space, and for joints of
+    different weights those of A above without W.
+    ``least``: least singular value [the error's unit/s per rad/s].
+    ``condition``: largest over least singular value; infinite if the least is 0.
+    ``rate_reduction``: (k,) wanted minus reduced rate of the error. None if neither this task is
+    singular nor all tasks of its level together that have opted in.
     """
 
     rank: int
@@ -94,15 +89,10 @@ def reduce_singular(
 ) -> tuple[list[Rows], dict[int, Singularity]]:
     """Return rows with reduced rates of the singular ones, and singularities by row index.
 
-    Parameters
-    ----------
-    rows:
-        Costs of one level; those whose ``singular_threshold`` is 0 stay as they are.
-    held:
-        Rows that are met whatever the costs: contacts, and the achieved rates of more important
-        tasks.
-    root:
-        (nv,) square roots of the joints' weights.
+    ``rows``: costs of one level; those whose ``singular_threshold`` is 0 stay as they are.
+    ``held``: rows that are met whatever the costs: contacts, and the achieved rates of more
+    important tasks.
+    ``root``: (nv,) square roots of the joints' weights.
     """
     chosen = [k for k, row in enumerate(rows) if row.singular_threshold and row.weight.any()]
     if not chosen:
@@ -201,3 +191,45 @@ def _singularity(gram: Array, threshold: float, rate_reduction: Array | None) ->
     condition = values[-1] / values[0] if values[0] else math.inf
     rank = sum(value >= threshold for value in values)
     return Singularity(rank, values[0], condition, rate_reduction)
+
+
+# Only directions whose curvature exceeds the damping this many times count as determined.
+DETERMINED = 10.0
+
+
+class Conditioning(NamedTuple):
+    """How well the tasks determine the motion in the null space of the contacts.
+
+    For single tasks see :attr:`wbc.controllers.tick.Tick.singular`.
+
+    ``free``: dimension of the contacts' null space (at the torque level without what no contact
+    forces can bring about); with several priorities the tick has the QP of the last level, and it
+    is the null space of contacts and the levels above.
+    ``rank``: number of these directions that the tasks determine; the damping decides the others.
+    If it is less than the tasks' rows, tasks are singular or linearly dependent. Directions that
+    tasks damp themselves (``lm_damping``, and points that are not yet at their targets) count as
+    determined.
+    ``condition``: largest over least curvature of the cost along the directions determined; 1 if
+    none is. Directions are scaled by the joints' weights, like the damping.
+    """
+
+    free: int
+    rank: int
+    condition: float
+
+
+def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
+    """Return how well conditioned a QP's cost is; takes a millisecond.
+
+    ``damping``, ``weights``: the controller's damping and joint weights (nv,), which are part of
+    the cost.
+    """
+    nv, A = weights.size, qp.A
+    if A[:, nv:].any():  # of rows that forces meet at any motion none remain
+        A = null_space(A[:, nv:].T).T @ A
+    free = null_space(A[:, :nv]) if len(A) else np.eye(nv)
+    size = (free.T * weights) @ free
+    curvatures = eigh(free.T @ qp.P[:nv, :nv] @ free, size, eigvals_only=True) - damping
+    determined = curvatures[curvatures > DETERMINED * damping]
+    condition = float(determined[-1] / determined[0]) if determined.size else 1.0
+    return Conditioning(free.shape[1], determined.size, condition)

@@ -28,19 +28,11 @@ class Slacks:
     soft constraint keeps its rows, each with a slack variable in the QP: as long as it is not
     overruled it is met exactly, but for (gradient along the row) / weight.
 
-    Parameters
-    ----------
-    weights:
-        Of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
-    leaving:
-        The same for contacts that are being released.
+    ``weights``: of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
+    ``leaving``: the same for contacts that are being released.
 
-    Raises
-    ------
-    UnknownNameError
-        No contact or constraint of a name.
-    InvalidInputError
-        No mapping, a weight that is not a positive number, or a name that several have.
+    Raises UnknownNameError: No contact or constraint of a name; InvalidInputError: No mapping, a
+    weight that is not a positive number, or a name that several have.
     """
 
     def __init__(
@@ -116,10 +108,7 @@ def with_slack(qp: QP, weights: Array) -> QP:
     ``l <= C x - s <= u`` at the cost of 1/2 weight s^2. The slacks are unknowns behind x, named
     after their rows.
 
-    Parameters
-    ----------
-    weights:
-        (mi,), infinite for rows that may not give way.
+    ``weights``: (mi,), infinite for rows that may not give way.
     """
     soft = np.flatnonzero(np.isfinite(weights))
     n, k = qp.g.size, soft.size

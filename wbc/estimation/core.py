@@ -42,18 +42,12 @@ class EstimatorMemory(NamedTuple):
 class EstimatorCore:
     """The core's estimator (``source/estimator.c``).
 
-    Attributes
-    ----------
-    filter, observer:
-        Its parts, each with its own memory.
-    given:
-        Arrays that the core reads, by their names there.
-    made:
-        Arrays that the core writes.
-    counts, event, detail:
-        Those of them that are read from Python; see ``source/core.h``.
-    out:
-        Number of values of an estimate.
+    ``filter``, ``observer``: its parts, each with its own memory.
+    ``given``: arrays that the core reads, by their names there.
+    ``made``: arrays that the core writes.
+    ``counts``, ``event``, ``detail``: those of them that are read from Python; see
+    ``source/core.h``.
+    ``out``: number of values of an estimate.
     """
 
     def __init__(

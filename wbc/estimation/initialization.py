@@ -79,10 +79,7 @@ class Initialization:
     def check(self, m: Measurement, first: Estimate) -> None:
         """Check the first estimate.
 
-        Raises
-        ------
-        InvalidInputError
-            All its soles are above its CoM.
+        Raises InvalidInputError: all its soles are above its CoM.
         """
         self._times = self._times[1], m.time
         if self.interval_note:

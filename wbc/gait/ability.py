@@ -35,10 +35,7 @@ def pressure_offset(posture: Snapshot, effort: Array) -> float:
     of ankles that are too weak, the CoP is behind it all the same, and the robot walks faster than
     commanded: a Unitree H1 goes on at 0.15 m/s where it should stop.
 
-    Parameters
-    ----------
-    posture, effort:
-        See :func:`leg_limits`.
+    ``posture``, ``effort``: see :func:`leg_limits`.
     """
     robot, largest = posture.robot, 0.0
     for side in SIDES:
@@ -60,16 +57,10 @@ def pressure_offset(posture: Snapshot, effort: Array) -> float:
 def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0) -> tuple[str, ...]:
     """Return notes on what limits a robot's legs in walking, and log them as warnings.
 
-    Parameters
-    ----------
-    posture:
-        The walking posture, on both feet.
-    effort:
-        (nv - 6,) torque limits [N m], infinite where there is none.
-    dry:
-        Part of the dry friction that is not compensated.
-    ahead:
-        Of the CoP from the soles' middles, see :func:`pressure_offset` [m].
+    ``posture``: the walking posture, on both feet.
+    ``effort``: (nv - 6,) torque limits [N m], infinite where there is none.
+    ``dry``: part of the dry friction that is not compensated.
+    ``ahead``: of the CoP from the soles' middles, see :func:`pressure_offset` [m].
     """
     robot = posture.robot
     notes = []

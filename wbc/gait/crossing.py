@@ -34,14 +34,10 @@ class Crossing(NamedTuple):
     The heel rises first: a level foot that is lifted far while it is behind exceeds the ankle's
     range. A G1's ankle was at its limit on a step of 15 cm, and its foot 10 cm too low.
 
-    Attributes
-    ----------
-    top:
-        Height of the foot half way [m].
-    begins, ends:
-        Parts of the swing time, at its beginning and end, without horizontal motion.
-    tip:
-        Largest pitch of the foot, toe down [rad].
+    ``top``: height of the foot half way [m].
+    ``begins``, ``ends``: parts of the swing time, at its beginning and end, without horizontal
+    motion.
+    ``tip``: largest pitch of the foot, toe down [rad].
     """
 
     top: float
@@ -61,16 +57,10 @@ class Crossing(NamedTuple):
     ) -> Self | None:
         """Return the path from ``start`` to ``goal``, both (x, y, yaw, z); None without an edge.
 
-        Parameters
-        ----------
-        corners:
-            (k, 2) of the sole, in its axes [m].
-        clearance:
-            How high the foot is lifted above everything below its path [m].
-        beside:
-            Height of the ground below the stance foot [m].
-        ground:
-            If unknown, the highest of start, goal and ``beside`` may be anywhere between.
+        ``corners``: (k, 2) of the sole, in its axes [m].
+        ``clearance``: how high the foot is lifted above everything below its path [m].
+        ``beside``: height of the ground below the stance foot [m].
+        ``ground``: if unknown, the highest of start, goal and ``beside`` may be anywhere between.
         """
         first, last = float(start[3]), float(goal[3])
         parts, margin = np.linspace(0.0, 1.0, SAMPLES), SEARCH_MARGIN * clearance
@@ -120,10 +110,7 @@ class Crossing(NamedTuple):
 def heights(ground: Ground, points: Array) -> Array:
     """Return the heights (k,) of the user's ground at points (k, 2) [m].
 
-    Raises
-    ------
-    InvalidInputError
-        Not a function, or its result is not finite or of another shape.
+    Raises InvalidInputError: not a function, or its result is not finite or of another shape.
     """
     if not callable(ground):
         raise InvalidInputError(
@@ -136,14 +123,9 @@ def heights(ground: Ground, points: Array) -> Array:
 def _dwell(cleared: Array, ahead: Array, later: float) -> float:
     """Return the dwell at one end that clears all edges before they are reached.
 
-    Parameters
-    ----------
-    cleared:
-        (k,) normalised times after which the foot is above each edge.
-    ahead:
-        (k,) times, in parts of the horizontal motion, at which it reaches them.
-    later:
-        Dwell at the other end.
+    ``cleared``: (k,) normalised times after which the foot is above each edge.
+    ``ahead``: (k,) times, in parts of the horizontal motion, at which it reaches them.
+    ``later``: dwell at the other end.
     """
     missing = cleared - (1.0 - later) * ahead
     return max(0.0, float(np.max(missing / np.maximum(1.0 - ahead, 1e-9), initial=0.0)))

@@ -32,18 +32,11 @@ class Foothold(NamedTuple):
     angle counts: in a G1 that was pushed from behind and tipped over its toes, the CoP measured as
     they came down again took 13 cm of 17 from the rest of the step.
 
-    Attributes
-    ----------
-    normal:
-        (3,) of the sole as the other foot left the ground, a unit vector.
-    level:
-        (3,) estimated normal of the ground, a unit vector.
-    lower, upper:
-        (2,) corners of the foothold in the sole's axes, from its middle [m].
-    half:
-        (2,) half sizes of the sole [m].
-    tipped:
-        (2,) tilt of the unit normal on its axes while tipping, else 0.
+    ``normal``: (3,) of the sole as the other foot left the ground, a unit vector.
+    ``level``: (3,) estimated normal of the ground, a unit vector.
+    ``lower``, ``upper``: (2,) corners of the foothold in the sole's axes, from its middle [m].
+    ``half``: (2,) half sizes of the sole [m].
+    ``tipped``: (2,) tilt of the unit normal on its axes while tipping, else 0.
     """
 
     normal: Array
@@ -61,14 +54,9 @@ class Foothold(NamedTuple):
     def update(self, rotation: Array, wrench: Array, weight: float) -> Self:
         """Return the foothold updated by a measurement.
 
-        Parameters
-        ----------
-        rotation:
-            (3, 3) of the sole.
-        wrench:
-            (6,) on it, about its middle, world axes [N, N m].
-        weight:
-            Of the robot [N].
+        ``rotation``: (3, 3) of the sole.
+        ``wrench``: (6,) on it, about its middle, world axes [N, N m].
+        ``weight``: of the robot [N].
         """
         # Components of the former normal: a sole that tips ahead leans back from it.
         tilt = self.normal.dot(rotation[:, :2])

@@ -24,10 +24,7 @@ def nominal_step(gait: GaitSettings, support: str, heading: float, velocity: Vel
     The middle between the feet moves by v T, and they are the gait's width apart or more; sideways
     the leading foot makes all of it, so that the trailing one need not cross the other.
 
-    Parameters
-    ----------
-    heading:
-        Of the stance foot [rad].
+    ``heading``: of the stance foot [rad].
     """
     return cmath.rect(1.0, heading) * _local_step(gait, support, velocity)
 

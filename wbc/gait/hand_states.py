@@ -72,20 +72,12 @@ class HandsFree(NamedTuple):
 
 
 class Reaching(NamedTuple):
-    """A hand is on its way to a wall.
-
-    Attributes
-    ----------
-    motion:
-        Reference of its frame's origin (3,) [m].
-    left:
-        Time until the planned contact [s]; negative if late.
-    """
+    """A hand is on its way to a wall."""
 
     hand: Hand
     wall: Wall
-    motion: SwingMotion
-    left: float
+    motion: SwingMotion  # reference of its frame's origin (3,) [m]
+    left: float  # time until the planned contact [s]; negative if late
 
 
 class Leaning(NamedTuple):

@@ -73,19 +73,13 @@ class Legs:
     ) -> Legs:
         """Return the legs of a robot with the feet ``left`` and ``right``.
 
-        Parameters
-        ----------
-        limits:
-            Of the joints, besides the robot's own: speeds, how far hips turn, and accelerations
-            that were given.
-        torque_limits:
-            Factor on the robot's effort limits, as the controller has it; None: no bounds.
+        ``limits``: of the joints, besides the robot's own: speeds, how far hips turn, and
+        accelerations that were given.
+        ``torque_limits``: factor on the robot's effort limits, as the controller has it; None: no
+        bounds.
 
-        Raises
-        ------
-        InvalidInputError
-            Another number of feet, a base that is fixed, a leg without a knee, or a left foot that
-            stands to the right of the right one.
+        Raises InvalidInputError: another number of feet, a base that is fixed, a leg without a
+        knee, or a left foot that stands to the right of the right one.
         """
         check_biped(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
@@ -115,10 +109,7 @@ class Legs:
     def reach(self, com_height: float) -> float:
         """Return how far the ankle can be from below the hip [m], with the CoM at this height.
 
-        Raises
-        ------
-        InvalidInputError
-            The legs do not reach the ground.
+        Raises InvalidInputError: the legs do not reach the ground.
         """
         hip_height = self.hip_height + com_height - self.com_height
         max_length = STRETCH * self.length
@@ -143,10 +134,8 @@ class Legs:
 def check_biped(robot: Robot) -> None:
     """Refuse robots that are no bipeds.
 
-    Raises
-    ------
-    InvalidInputError
-        No robot, one on a fixed base, or one whose feet are not ``left`` and ``right`` with soles.
+    Raises InvalidInputError: no robot, one on a fixed base, or one whose feet are not ``left`` and
+    ``right`` with soles.
     """
     check_robot("biped, robot", robot)
     if set(robot.feet) != set(SIDES):

@@ -33,12 +33,8 @@ REACH_LIMIT = "reach of the legs"
 class Pace:
     """The step planner for one speed, and the swing foot's weights.
 
-    Attributes
-    ----------
-    planner:
-        With the settings of the gait.
-    swing, lift:
-        Weights of the swing foot (:class:`~wbc.gait.whole_body.WalkingWeights`).
+    ``planner``: with the settings of the gait.
+    ``swing``, ``lift``: weights of the swing foot (:class:`~wbc.gait.whole_body.WalkingWeights`).
     """
 
     planner: StepPlanner
@@ -50,14 +46,10 @@ class Pace:
 class Paces:
     """The paces of a walker.
 
-    Attributes
-    ----------
-    usual, fastest:
-        Up to :data:`ONSET` of the usual limit, and from :data:`FULL` of it on. They are the same
-        where something else than the legs' reach limits the speed, where knees could not bear the
-        robot lower, or where height or single support are given.
-    begins, ends:
-        These two speeds, forwards or backwards [m/s].
+    ``usual``, ``fastest``: up to :data:`ONSET` of the usual limit, and from :data:`FULL` of it on.
+    They are the same where something else than the legs' reach limits the speed, where knees could
+    not bear the robot lower, or where height or single support are given.
+    ``begins``, ``ends``: these two speeds, forwards or backwards [m/s].
     """
 
     usual: Pace
@@ -71,10 +63,7 @@ class Paces:
     ) -> Paces:
         """Return the paces about a usual planner.
 
-        Parameters
-        ----------
-        given:
-            Names of the settings that the user gave.
+        ``given``: names of the settings that the user gave.
         """
         gait, limits, legs = planner.gait, planner.limits, planner.legs
         usual = Pace(planner, weights.swing, weights.lift)

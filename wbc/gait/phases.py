@@ -35,15 +35,10 @@ class GaitState(NamedTuple):
     the momentum, small and of zero mean while walking, and not by its rate, which would need more
     than the length of a sole.
 
-    Attributes
-    ----------
-    dcm:
-        With the velocity above, as x + i y [m].
-    places, rotations:
-        Of the soles, by foot: x, y, z [m], as numbers, and (3, 3).
-    pressure_offset:
-        Offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted back by it, so
-        that a walk is planned as if the CoP were at their middles.
+    ``dcm``: with the velocity above, as x + i y [m].
+    ``places``, ``rotations``: of the soles, by foot: x, y, z [m], as numbers, and (3, 3).
+    ``pressure_offset``: offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted
+    back by it, so that a walk is planned as if the CoP were at their middles.
     """
 
     dcm: complex

@@ -27,14 +27,9 @@ class PushObserver(NamedTuple):
     equal poles (Luenberger 1971). Noise and wrong masses give 0.2 m/s^2 in a G1's walk; a push of
     100 N gives 3.
 
-    Attributes
-    ----------
-    omega, height:
-        Of the pendulum [1/s, m].
-    expected:
-        s, as x + i y, or None before the first forces [m/s].
-    push:
-        a, likewise [m/s^2].
+    ``omega``, ``height``: of the pendulum [1/s, m].
+    ``expected``: s, as x + i y, or None before the first forces [m/s].
+    ``push``: a, likewise [m/s^2].
     """
 
     omega: float
@@ -72,10 +67,7 @@ class PushObserver(NamedTuple):
         A push is half over when it is observed: footstep and pressure that react to the measured
         DCM only come too late.
 
-        Parameters
-        ----------
-        delay:
-            Over which the state was already predicted, without the push [s].
+        ``delay``: over which the state was already predicted, without the push [s].
         """
         dcm = now.dcm + (PUSH_DURATION / self.omega**2 + delay / self.omega) * self.push
         return GaitState(dcm, now.places, now.rotations, now.pressure_offset)

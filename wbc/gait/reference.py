@@ -60,17 +60,11 @@ EXACT = StepWeights(place=100.0)
 class Reference(NamedTuple):
     """The reference of VRP and DCM.
 
-    Attributes
-    ----------
-    vrp, dcm:
-        As x + i y [m].
-    ground:
-        Height of the ground at the CoP [m].
-    level:
-        Height that the CoM's height is relative to [m], where footsteps prescribe heights; None:
-        ``ground``.
-    within:
-        Time until the CoM should be at that height [s]; None: it follows as a spring.
+    ``vrp``, ``dcm``: as x + i y [m].
+    ``ground``: height of the ground at the CoP [m].
+    ``level``: height that the CoM's height is relative to [m], where footsteps prescribe heights;
+    None: ``ground``.
+    ``within``: time until the CoM should be at that height [s]; None: it follows as a spring.
     """
 
     vrp: complex
@@ -82,18 +76,12 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class StepPlanner:
-    """Plans from the phase of a walk; has no state.
-
-    Attributes
-    ----------
-    soles:
-        Half sizes (2,) of the soles by foot [m].
-    """
+    """Plans from the phase of a walk; has no state."""
 
     gait: GaitSettings
     limits: CommandLimits
     legs: Legs
-    soles: dict[str, Array]
+    soles: dict[str, Array]  # half sizes (2,) of the soles by foot [m]
 
     def standing(self, now: GaitState) -> Reference:
         """Return the reference while standing: the middle between the feet."""

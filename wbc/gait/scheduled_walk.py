@@ -36,21 +36,12 @@ class TimedCommand(NamedTuple):
 class ScheduledWalk:
     """Supervises a run by a walker and a schedule; see :class:`wbc.run.supervisor.Supervisor`.
 
-    Parameters
-    ----------
-    walker:
-        Prescribed footsteps that it has begin with the first tick.
-    commands:
-        In order of time; before the first the robot stands, or makes its footsteps.
-    forces:
-        On the soles; None, or an empty result: feet land at the planned time.
-    move_world:
-        Called before each tick with the time [s], to move obstacles and targets.
+    ``walker``: prescribed footsteps that it has begin with the first tick.
+    ``commands``: in order of time; before the first the robot stands, or makes its footsteps.
+    ``forces``: on the soles; None, or an empty result: feet land at the planned time.
+    ``move_world``: called before each tick with the time [s], to move obstacles and targets.
 
-    Raises
-    ------
-    InvalidInputError
-        Commands that are not in order of time.
+    Raises InvalidInputError: commands that are not in order of time.
     """
 
     def __init__(
@@ -168,10 +159,7 @@ def describe_landings(landings: Sequence[Landing], count: int) -> str:
 def check_order(commands: Sequence[TimedCommand]) -> None:
     """Refuse commands that are not in order of time.
 
-    Raises
-    ------
-    InvalidInputError
-        The message names both times.
+    Raises InvalidInputError: the message names both times.
     """
     last = -1.0
     for command in commands:

@@ -26,19 +26,12 @@ PUSH, PUSH_TIME, CHANGE_TIME = 0.06, 6.0, 3.0
 class SpeedMonitor(NamedTuple):
     """Judges the forward speed from the motors' torques, and from landing to landing.
 
-    Attributes
-    ----------
-    omega, gravity:
-        Of the pendulum [1/s], and g [m/s^2].
-    unjudged:
-        For how long nothing is judged yet [s].
-    strain:
-        Part of the time in which hips or knees are at torque limits, filtered.
-    start, duration, commanded:
-        CoM at the last landing as x + i y, or None before the first [m]; time since then [s], and
-        distance commanded in it [m].
-    before:
-        Mean speed commanded in the step before [m/s].
+    ``omega``, ``gravity``: of the pendulum [1/s], and g [m/s^2].
+    ``unjudged``: for how long nothing is judged yet [s].
+    ``strain``: part of the time in which hips or knees are at torque limits, filtered.
+    ``start``, ``duration``, ``commanded``: CoM at the last landing as x + i y, or None before the
+    first [m]; time since then [s], and distance commanded in it [m].
+    ``before``: mean speed commanded in the step before [m/s].
     """
 
     omega: float
@@ -58,14 +51,9 @@ class SpeedMonitor(NamedTuple):
     def update(self, at_limit: bool, speed: float, push: float, dt: float) -> Self:
         """Return the monitor ``dt`` later.
 
-        Parameters
-        ----------
-        at_limit:
-            Whether a hip or knee is at its torque limit.
-        speed:
-            Commanded [m/s].
-        push:
-            Observed acceleration by external forces [m/s^2].
+        ``at_limit``: whether a hip or knee is at its torque limit.
+        ``speed``: commanded [m/s].
+        ``push``: observed acceleration by external forces [m/s^2].
         """
         omega, gravity, unjudged, strain, start, duration, commanded, before = self
         quiet = PUSH_TIME / omega if push > PUSH * gravity else unjudged - dt
@@ -90,12 +78,9 @@ class SpeedMonitor(NamedTuple):
     def deviation(self, com: complex, ahead: complex, outer: float = 0.0) -> float | None:
         """Return the speed of the step that ends [m/s] if it is not the commanded one, or None.
 
-        Parameters
-        ----------
-        com, ahead:
-            CoM at the landing [m], and unit vector of the step's mean heading, as x + i y.
-        outer:
-            How much faster the outer foot goes than the inner one [m/s].
+        ``com``, ``ahead``: CoM at the landing [m], and unit vector of the step's mean heading, as x
+        + i y.
+        ``outer``: how much faster the outer foot goes than the inner one [m/s].
         """
         if self.start is None or self.unjudged:
             return None

@@ -43,18 +43,12 @@ class Complaint(NamedTuple):
 
 @dataclass(frozen=True)
 class StepRange:
-    """The range of footsteps of a robot.
-
-    Attributes
-    ----------
-    corners:
-        Of the soles (k, 2) by foot, in its axes [m].
-    """
+    """The range of footsteps of a robot."""
 
     gait: GaitSettings
     limits: CommandLimits
     legs: Legs
-    corners: Mapping[str, Array]
+    corners: Mapping[str, Array]  # of the soles (k, 2) by foot, in its axes [m]
 
     @classmethod
     def of(cls, robot: Robot, gait: GaitSettings, legs: Legs) -> Self:
@@ -73,22 +67,13 @@ class StepRange:
     ) -> tuple[Footstep, ...]:
         """Return footsteps in the world, all of them in range.
 
-        Parameters
-        ----------
-        feet:
-            Poses of the feet, (x, y, yaw, z) by foot.
-        first:
-            The foot that has to begin, if any.
-        relative:
-            Whether each is relative to the one before, the first to its stance foot.
-        ground:
-            Heights of the ground, if known.
+        ``feet``: poses of the feet, (x, y, yaw, z) by foot.
+        ``first``: the foot that has to begin, if any.
+        ``relative``: whether each is relative to the one before, the first to its stance foot.
+        ``ground``: heights of the ground, if known.
 
-        Raises
-        ------
-        InvalidInputError
-            None at all; the same foot twice; one out of reach, in too short a time, across the
-            other foot or on it: the message names the value and its range.
+        Raises InvalidInputError: none at all; the same foot twice; one out of reach, in too short a
+        time, across the other foot or on it: the message names the value and its range.
         """
         world = list_of("footsteps", footsteps, Footstep, 'Footstep("left", 0.2, 0.1)')
         if not world:

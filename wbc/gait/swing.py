@@ -67,26 +67,13 @@ class SwingFoot(NamedTuple):
     acceleration is no larger than in a nominal one: it would throw the CoM up, and the foot would
     land late. When the plan changes the height does not jump: its offset from the new curve decays
     on a minimum-jerk curve until touch-down.
-
-    Attributes
-    ----------
-    numbers:
-        (21,) where it is, how it moves, and what is done: a ``wbc_swing_foot``.
-    path:
-        (11,) what does not change: a ``wbc_swing_path``.
-    normal:
-        (3,) of the ground where it lands, a unit vector.
-    crossing:
-        Path over edges, if any are known.
-    placed:
-        (24,) its pose, once it was advanced.
     """
 
-    numbers: Array
-    path: Array
-    normal: Array
-    crossing: Crossing | None
-    placed: Array
+    numbers: Array  # (21,) where it is, how it moves, and what is done: a ``wbc_swing_foot``
+    path: Array  # (11,) what does not change: a ``wbc_swing_path``
+    normal: Array  # (3,) of the ground where it lands, a unit vector
+    crossing: Crossing | None  # path over edges, if any are known
+    placed: Array  # (24,) its pose, once it was advanced
 
     @classmethod
     def lift_off(
@@ -102,18 +89,11 @@ class SwingFoot(NamedTuple):
     ) -> SwingFoot:
         """Return a foot that leaves the ground at ``pose`` (x, y, yaw).
 
-        Parameters
-        ----------
-        normal:
-            (3,) of the ground where it lands, a unit vector.
-        clearance:
-            How high it is lifted in the ``usual`` time [m].
-        usual:
-            Nominal swing time [s].
-        descent:
-            Speed at which it goes on downwards when late [m/s].
-        sole:
-            Its normal (3,) at lift-off, if it differs from that of the landing.
+        ``normal``: (3,) of the ground where it lands, a unit vector.
+        ``clearance``: how high it is lifted in the ``usual`` time [m].
+        ``usual``: nominal swing time [s].
+        ``descent``: speed at which it goes on downwards when late [m/s].
+        ``sole``: its normal (3,) at lift-off, if it differs from that of the landing.
         """
         tilt, still = (normal if sole is None else sole)[:2], np.zeros(10)
         numbers = np.array((*pose, *tilt, *still, height, 0.0, 0.0, 0.0, 1.0, 0.0))

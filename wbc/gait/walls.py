@@ -126,10 +126,7 @@ class Hand:
 def check_hands(what: str, hands: Sequence[Hand]) -> tuple[Hand, ...]:
     """Return a list of hands as a tuple.
 
-    Raises
-    ------
-    InvalidInputError
-        Something else, or two hands at one frame.
+    Raises InvalidInputError: something else, or two hands at one frame.
     """
     checked = list_of(f"{what}, hands", hands, Hand, 'Hand("left_rubber_hand")')
     frames = [hand.frame for hand in checked]
@@ -151,10 +148,7 @@ def check_reach(
 
     ``touch`` is the distance from a wall that counts as contact [m].
 
-    Raises
-    ------
-    InvalidInputError
-        The message names the wall, and the hand.
+    Raises InvalidInputError: the message names the wall, and the hand.
     """
     heights = [start.position(foot.frame)[2] for foot in start.robot.feet.values()]
     lean = MAX_LEAN * float(start.com[2] - min(heights, default=0.0))

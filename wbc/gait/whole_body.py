@@ -116,18 +116,11 @@ class WalkingWeights:
 class WholeBody:
     """Tasks for pressure, height, trunk, feet and posture, and the controller that has them.
 
-    Attributes
-    ----------
-    controller:
-        The :class:`~wbc.controllers.torque.TorqueController`.
-    lasting:
-        Its tasks that have a target in all phases.
-    bends:
-        Whether the robot starts on straight legs, which are bent first.
-    pressure_offset:
-        Of the CoP ahead of the soles' middles, for weak ankles [m].
-    limitations:
-        What limits the legs in walking, in words.
+    ``controller``: the :class:`~wbc.controllers.torque.TorqueController`.
+    ``lasting``: its tasks that have a target in all phases.
+    ``bends``: whether the robot starts on straight legs, which are bent first.
+    ``pressure_offset``: of the CoP ahead of the soles' middles, for weak ankles [m].
+    ``limitations``: what limits the legs in walking, in words.
     """
 
     def __init__(

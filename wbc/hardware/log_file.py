@@ -43,12 +43,8 @@ class HardwareLog:
     def load(cls, path: str | Path) -> HardwareLog:
         """Read a log.
 
-        Raises
-        ------
-        InvalidInputError
-            Not a log, damaged, or of another robot than its problem's.
-        ProblemFileError
-            Its problem cannot be loaded: robot or motion files are elsewhere, say.
+        Raises InvalidInputError: not a log, damaged, or of another robot than its problem's;
+        ProblemFileError: its problem cannot be loaded: robot or motion files are elsewhere, say.
         """
         path = Path(path)
         content = read_arrays(path, list, lambda name: "U" if name in TEXTS else "f", LARGEST)

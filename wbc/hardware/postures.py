@@ -28,30 +28,17 @@ SEARCH_TICKS, SEARCH_DT = 300, 0.02  # of the velocity controller that finds the
 
 @dataclass(frozen=True, eq=False)
 class CrouchPath:
-    """Postures from standing to a crouch, the CoM over the same point between the feet.
+    """Postures from standing to a crouch, the CoM over the same point between the feet."""
 
-    Attributes
-    ----------
-    joints:
-        (m, n) [rad or m]; the first stands.
-    torques:
-        (m, n) that bear the weight on the feet [N m or N].
-    lowest:
-        Configuration (nq,) of the crouch.
-    """
-
-    joints: Array
-    torques: Array
-    lowest: Array
+    joints: Array  # (m, n) [rad or m]; the first stands
+    torques: Array  # (m, n) that bear the weight on the feet [N m or N]
+    lowest: Array  # configuration (nq,) of the crouch
 
     @classmethod
     def of(cls, start: Snapshot, feet: str | Sequence[str] = "double") -> CrouchPath:
         """Return the path down from a standing posture, found by a velocity controller.
 
-        Raises
-        ------
-        InvalidInputError
-            The robot cannot crouch so far on its feet.
+        Raises InvalidInputError: the robot cannot crouch so far on its feet.
         """
         robot = start.robot
         contacts = support(start, feet)
@@ -113,17 +100,11 @@ def bearing_forces(rest: Snapshot, frames: Sequence[str]) -> tuple[Array, Array]
 class PostureMotion:
     """Moves joints from where they are onto a crouch path, and along it to one of its ends.
 
-    Parameters
-    ----------
-    path:
-        The postures.
-    up:
-        Whether to the standing posture; else to the crouch.
-    kp, kd:
-        Gains (n,).
-    onto, along:
-        Durations of the two parts [s]: to the first posture of the path, and along it. Standing up
-        begins with the crouch, going down with the nearest posture.
+    ``path``: the postures.
+    ``up``: whether to the standing posture; else to the crouch.
+    ``kp``, ``kd``: gains (n,).
+    ``onto``, ``along``: durations of the two parts [s]: to the first posture of the path, and along
+    it. Standing up begins with the crouch, going down with the nearest posture.
     """
 
     def __init__(

@@ -98,15 +98,9 @@ class Beat(NamedTuple):
 class CycleClock:
     """Times cycles at whole periods from the first on.
 
-    Parameters
-    ----------
-    dt:
-        Period [s].
+    ``dt``: period [s].
 
-    Attributes
-    ----------
-    due:
-        Planned beginning of the next cycle [s].
+    ``due``: planned beginning of the next cycle [s].
     """
 
     def __init__(self, dt: float) -> None:

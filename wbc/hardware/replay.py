@@ -45,12 +45,8 @@ def replay_log(path: str | Path) -> LogReplay:
 
     It begins where the estimator first began.
 
-    Raises
-    ------
-    InvalidInputError
-        Not a log; one that does not reach back to that; of an estimator whose input is not logged.
-    ProblemFileError
-        Its problem cannot be loaded.
+    Raises InvalidInputError: not a log; one that does not reach back to that; of an estimator whose
+    input is not logged; ProblemFileError: its problem cannot be loaded.
     """
     log = HardwareLog.load(path)
     estimator, profile = str(log.made_of.get("estimator")), str(log.made_of.get("profile"))

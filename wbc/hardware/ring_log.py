@@ -52,10 +52,7 @@ class RingLog:
     def add(self, values: Mapping[str, ArrayLike]) -> None:
         """Add a row; missing fields are NaN.
 
-        Raises
-        ------
-        InvalidInputError
-            No such field.
+        Raises InvalidInputError: no such field.
         """
         row = self._rows[int(self._count[0]) % len(self._rows)]
         row[:] = np.nan
@@ -90,25 +87,14 @@ class RingLog:
 class LogWriter:
     """Writes logs of a ring: the first to ``path``, later ones with a number.
 
-    Parameters
-    ----------
-    ring:
-        Filled by the process that makes this.
-    path:
-        A file ending in ``.npz``.
-    rows:
-        Largest number of rows in a log: less than the ring's, which goes on meanwhile.
-    made_of:
-        Description of the run, as plain data.
-    forked:
-        Whether a process of its own writes, which is forked now; else each call blocks.
+    ``ring``: filled by the process that makes this.
+    ``path``: a file ending in ``.npz``.
+    ``rows``: largest number of rows in a log: less than the ring's, which goes on meanwhile.
+    ``made_of``: description of the run, as plain data.
+    ``forked``: whether a process of its own writes, which is forked now; else each call blocks.
 
-    Attributes
-    ----------
-    written:
-        The files, in order; complete after :meth:`close`.
-    errors:
-        What was not written, and why: a full disk ends no loop.
+    ``written``: the files, in order; complete after :meth:`close`.
+    ``errors``: what was not written, and why: a full disk ends no loop.
     """
 
     def __init__(

@@ -58,10 +58,7 @@ class BaseEstimator(Protocol):
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return configuration (nq,) and velocity (nv,) at a reading.
 
-        Raises
-        ------
-        EstimateError
-            There is none.
+        Raises EstimateError: there is none.
         """
 
 

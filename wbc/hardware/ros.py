@@ -65,17 +65,11 @@ def odometry(
 ) -> dict[str, Any]:
     """Return a state's base as ``nav_msgs/Odometry``; its twist is in the base's axes, as v[:6].
 
-    Parameters
-    ----------
-    q, v:
-        Configuration (nq,) and velocity (nv,).
-    pose_covariance, twist_covariance:
-        (6, 6), linear first; zeros, which mean unknown, if None.
+    ``q``, ``v``: configuration (nq,) and velocity (nv,).
+    ``pose_covariance``, ``twist_covariance``: (6, 6), linear first; zeros, which mean unknown, if
+    None.
 
-    Raises
-    ------
-    InvalidInputError
-        A covariance of another shape.
+    Raises InvalidInputError: a covariance of another shape.
     """
     return {
         "header": {"stamp": stamp(time), "frame_id": frame},

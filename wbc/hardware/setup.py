@@ -43,21 +43,11 @@ GAIN_MARGIN = 1.5  # of the safety layer's bounds by the profile's gains
 
 
 class Where(NamedTuple):
-    """The connection to a robot.
+    """The connection to a robot."""
 
-    Attributes
-    ----------
-    bus:
-        ``unitree`` (DDS) or ``udp``.
-    interface:
-        Network interface of DDS; with UDP an address, ``lo`` for this machine.
-    domain:
-        Of DDS; with UDP an offset of the ports, for several robots.
-    """
-
-    bus: str = "unitree"
-    interface: str = "lo"
-    domain: int = 0
+    bus: str = "unitree"  # ``unitree`` (DDS) or ``udp``
+    interface: str = "lo"  # network interface of DDS; with UDP an address, ``lo`` for this machine
+    domain: int = 0  # of DDS; with UDP an offset of the ports, for several robots
 
     @property
     def is_here(self) -> bool:
@@ -72,14 +62,8 @@ class Where(NamedTuple):
     def open(self, profile: Profile, robot: Robot) -> Bus:
         """Return the controller's end.
 
-        Raises
-        ------
-        UnknownNameError
-            No such bus.
-        BusError
-            It cannot be opened.
-        MissingPackageError
-            DDS without cyclonedds.
+        Raises UnknownNameError: no such bus; BusError: it cannot be opened; MissingPackageError:
+        DDS without cyclonedds.
         """
         if self.bus == "udp":
             own, to = READING_PORT + 2 * self.domain, COMMAND_PORT + 2 * self.domain

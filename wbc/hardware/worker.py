@@ -68,14 +68,9 @@ class Worker:
 class ForkedWorker:
     """Runs one job at a time in a process that is forked now: open buses afterwards.
 
-    Parameters
-    ----------
-    controller:
-        Changes to it here have no effect there.
-    priority:
-        Of ``SCHED_FIFO``; 0: none.
-    cpu:
-        On which it runs; None: any.
+    ``controller``: changes to it here have no effect there.
+    ``priority``: of ``SCHED_FIFO``; 0: none.
+    ``cpu``: on which it runs; None: any.
     """
 
     def __init__(

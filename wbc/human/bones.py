@@ -64,11 +64,8 @@ def joint_landmarks(
 ) -> dict[int, str]:
     """Return the landmarks of an animation's joints, by index.
 
-    Parameters
-    ----------
-    owners:
-        The skeleton of each joint; None: the part of its name before the colon. All with legs are
-        humans.
+    ``owners``: the skeleton of each joint; None: the part of its name before the colon. All with
+    legs are humans.
     """
     owners = [name.rpartition(":")[0] for name in names] if owners is None else owners
     plain = [_normalized(name) for name in names]

@@ -35,16 +35,11 @@ class _Joint:
 def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     """Return a BVH file's motion as markers at its joints, and on its bones for their rotations.
 
-    Parameters
-    ----------
-    unit:
-        ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4 mm), or its length [m];
-        None: the first in which its legs are as long as a human's.
+    ``unit``: ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4 mm), or its length
+    [m]; None: the first in which its legs are as long as a human's.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, not such a file, no human's skeleton, or legs of no human in any unit.
+    Raises RecordingError: unreadable, not such a file, no human's skeleton, or legs of no human in
+    any unit.
     """
     source = str(path)
     lines = [line.strip() for line in read_text(path, strict=False).splitlines()]

@@ -260,24 +260,15 @@ def plate_wrench(
     leads from corners 2, 3 to 1, 4, its y axis from 3, 4 to 1, 2. Whether it is the ground's or the
     foot's force differs from laboratory to laboratory; see :meth:`ForcePlate.pushing`.
 
-    Parameters
-    ----------
-    kind:
-        1 to 4.
-    values:
-        Channels (k, 6), or (k, 8) of type 3, in N and the unit of their moments.
-    corners:
-        (4, 3) in the world [m].
-    origin:
-        (3,) [m]: from the sensor to the middle of the surface in the plate's axes; of type 3 half
-        the distances between sensors, and the same.
-    unit, arm:
-        Of points of type 1, and of moments, in m and N m.
+    ``kind``: 1 to 4.
+    ``values``: channels (k, 6), or (k, 8) of type 3, in N and the unit of their moments.
+    ``corners``: (4, 3) in the world [m].
+    ``origin``: (3,) [m]: from the sensor to the middle of the surface in the plate's axes; of type
+    3 half the distances between sensors, and the same.
+    ``unit``, ``arm``: of points of type 1, and of moments, in m and N m.
 
-    Raises
-    ------
-    InvalidInputError
-        Another type, numbers that are not finite, or corners that span nothing.
+    Raises InvalidInputError: another type, numbers that are not finite, or corners that span
+    nothing.
     """
     if kind not in (1, 2, 3, 4):
         raise InvalidInputError(

@@ -102,12 +102,8 @@ def fit_poses(
 ) -> tuple[Poses, Array]:
     """Return the postures (n) that fit markers (n, m, 3) [m], and their costs (n,).
 
-    Parameters
-    ----------
-    start:
-        Initial postures.
-    observed:
-        Marker positions in world axes, z up; NaN where one is not seen.
+    ``start``: initial postures.
+    ``observed``: marker positions in world axes, z up; NaN where one is not seen.
     """
     poses, cost = start.copy(), np.empty(len(start))
     for first in range(0, len(start), FRAMES_PER_BATCH):

@@ -267,12 +267,8 @@ def missing_landmarks(names: Sequence[str], standing: Iterable[str] = ()) -> lis
     needs one marker; without any, and none on head and arms, it is guessed. The pelvis may be told
     by both hips and the trunk's joint.
 
-    Parameters
-    ----------
-    names:
-        Of each marker; those of a cluster are equal.
-    standing:
-        Landmarks of a static trial.
+    ``names``: of each marker; those of a cluster are equal.
+    ``standing``: landmarks of a static trial.
     """
     found, static, missing = set(names), set(standing), list[str]()
     on = Counter(landmark(name).segment for name in names)

@@ -39,6 +39,7 @@ from wbc.human.marker_identification import (
     Markers,
     identify_markers,
     rotate_z_up,
+    select_subject,
     static_trial_notes,
     with_labels_of,
 )
@@ -46,7 +47,6 @@ from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
 from wbc.human.skeleton import configurations, human_robot
-from wbc.human.subjects import select_subject
 from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.kinds import check_kind
 from wbc.motion.analysis import analyze

@@ -62,23 +62,14 @@ def fill_gaps(
 ) -> tuple[Array, Array, tuple[Dropout, ...]]:
     """Return times, content without NaN, and the dropouts.
 
-    Parameters
-    ----------
-    time, content:
-        Times (n,) [s]; joints and, if recorded, base (n, k) with NaN where numbers are missing.
-    names:
-        Names of the content's columns.
-    where:
-        Their columns in the table, and that of ``time``, as far as it has them.
-    fill:
-        Fill missing numbers and frozen rows; gaps in time are always filled.
-    longest:
-        Longest gap that is interpolated [s].
+    ``time``, ``content``: times (n,) [s]; joints and, if recorded, base (n, k) with NaN where
+    numbers are missing.
+    ``names``: names of the content's columns.
+    ``where``: their columns in the table, and that of ``time``, as far as it has them.
+    ``fill``: fill missing numbers and frozen rows; gaps in time are always filled.
+    ``longest``: longest gap that is interpolated [s].
 
-    Raises
-    ------
-    RecordingError
-        A gap to be filled is longer, or at the recording's beginning or end.
+    Raises RecordingError: a gap to be filled is longer, or at the recording's beginning or end.
     """
     count = len(robot.joint_names)
     content = content.copy()

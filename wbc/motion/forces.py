@@ -45,19 +45,11 @@ def read_forces(
 ) -> MeasuredForces | None:
     """Return the forces that ``wbc sim -o FILE`` wrote for the soles, or None without any.
 
-    Parameters
-    ----------
-    table:
-        The numbers of the file; those of an NPZ file lack the forces.
-    time:
-        (n,) of the file's rows [s].
-    ignore:
-        Columns to ignore; shell-style patterns.
+    ``table``: the numbers of the file; those of an NPZ file lack the forces.
+    ``time``: (n,) of the file's rows [s].
+    ``ignore``: columns to ignore; shell-style patterns.
 
-    Raises
-    ------
-    RecordingError
-        Arrays of other shapes, or not finite.
+    Raises RecordingError: arrays of other shapes, or not finite.
     """
     feet = {f"{PREFIX}{foot.frame}": name for name, foot in robot.feet.items()}
     if path.suffix.lower() == ".npz":

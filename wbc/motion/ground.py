@@ -38,15 +38,10 @@ def ground_reaction(
 ) -> dict[str, Any]:
     """Return the ground's force and the leg by their names in RmpSeries, n frames; NaN in flight.
 
-    Parameters
-    ----------
-    measured:
-        Force [N] and moment about the CoM [N m] of the ground (n, 3); None: by the motion.
+    ``measured``: force [N] and moment about the CoM [N m] of the ground (n, 3); None: by the
+    motion.
 
-    Raises
-    ------
-    InvalidInputError
-        The CoM is at the CoP in some frame.
+    Raises InvalidInputError: the CoM is at the CoP in some frame.
     """
     if measured is None:
         weight = robot.mass * robot.model.gravity.linear
@@ -89,12 +84,8 @@ class SupportMargin:
 def feet_to_check(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ...]:
     """Return the feet to check: those named, all for ``auto``, none for None.
 
-    Raises
-    ------
-    InvalidInputError
-        An empty choice, or a foot that is named twice.
-    UnknownNameError
-        A foot that the robot does not have; see :meth:`Robot.foot`.
+    Raises InvalidInputError: an empty choice, or a foot that is named twice; UnknownNameError: a
+    foot that the robot does not have; see :meth:`Robot.foot`.
     """
     if feet is None:
         return ()
@@ -121,14 +112,9 @@ def standing_feet(
 ) -> tuple[Bools, SupportMargin | None]:
     """Return which feet stand (n, f), and the CoP's margin, None if there are no feet.
 
-    Parameters
-    ----------
-    soles:
-        Placement of each foot's sole (n, 4, 4).
-    fixed:
-        Whether the named feet stand all the time, rather than those near the ground.
-    planted:
-        The planted foot (n,), which always stands unless ``fixed``.
+    ``soles``: placement of each foot's sole (n, 4, 4).
+    ``fixed``: whether the named feet stand all the time, rather than those near the ground.
+    ``planted``: the planted foot (n,), which always stands unless ``fixed``.
     """
     count = len(flight)
     if not names:
@@ -174,14 +160,9 @@ def support_margins(corners: Array, touching: NDArray[np.bool_], points: Array) 
 
     Negative outside, NaN where none touches; else as :func:`wbc.polygon.polygon_margin`.
 
-    Parameters
-    ----------
-    corners:
-        Corners of the soles (n, f, k, 3) [m].
-    touching:
-        Which of them touch (n, f, k).
-    points:
-        (n, 2) or more columns [m].
+    ``corners``: corners of the soles (n, f, k, 3) [m].
+    ``touching``: which of them touch (n, f, k).
+    ``points``: (n, 2) or more columns [m].
     """
     count, feet, each = corners.shape[:3]
     margins, gradients = np.full(count, np.nan), np.full((count, 2), np.nan)

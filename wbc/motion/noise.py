@@ -108,12 +108,8 @@ def estimate_noise(rows: Array, rate: float, cutoff: float | None) -> Noise:
     From the sixth differences of each channel, which are small in a smooth motion; or from the
     residual above twice the cutoff, if that is clearly larger than such noise explains.
 
-    Parameters
-    ----------
-    rows:
-        Evenly sampled but for jitter, unwrapped, not filtered; constant where not recorded.
-    rate, cutoff:
-        Of the rows, and of the low-pass that follows [Hz].
+    ``rows``: evenly sampled but for jitter, unwrapped, not filtered; constant where not recorded.
+    ``rate``, ``cutoff``: of the rows, and of the low-pass that follows [Hz].
     """
     found = difference_noise(rows)
     found = np.where(found < ROUNDING, 0.0, found)
@@ -187,12 +183,8 @@ def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int
     Of value, velocity and acceleration in each row, in units of the noise and s, after each of the
     ``passes`` p of the filter.
 
-    Parameters
-    ----------
-    count:
-        Rows n of the recording.
-    rate, cutoff:
-        Of the rows, and of the low-pass [Hz]; None: there is none.
+    ``count``: rows n of the recording.
+    ``rate``, ``cutoff``: of the rows, and of the low-pass [Hz]; None: there is none.
     """
     if cutoff is None:
         passes, edge = 1, SPLINE_ROWS

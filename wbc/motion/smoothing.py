@@ -52,13 +52,9 @@ def resolve_cutoff(cutoff: float | str | None, rows: Array, rate: float) -> floa
     3.4.4.3), which is estimated from the recording's differences, not read off a line by eye. Each
     channel's residual counts in units of its noise, or of 1e-5 rad or m if it has less.
 
-    Parameters
-    ----------
-    rows:
-        Base position, quaternion xyzw and joints (n, nv+1), evenly sampled, not filtered; constant
-        where not recorded.
-    rate:
-        Of the rows [Hz].
+    ``rows``: base position, quaternion xyzw and joints (n, nv+1), evenly sampled, not filtered;
+    constant where not recorded.
+    ``rate``: of the rows [Hz].
     """
     if not isinstance(cutoff, str):
         return cutoff

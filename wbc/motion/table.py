@@ -32,18 +32,11 @@ MAX_BYTES = 1 << 30  # of a text file, and of all arrays of an NPZ file unpacked
 class RecordingError(InvalidInputError):
     """A recording is unusable; the message says what is wrong, where, and what to do.
 
-    Parameters
-    ----------
-    what:
-        What is wrong, and what to do.
-    file:
-        The file, as it was named.
-    column:
-        The column's name in the file, if one is to blame.
-    row:
-        The row of numbers, counted from 1, likewise.
-    line:
-        That row's line in a text file, or the line to blame.
+    ``what``: what is wrong, and what to do.
+    ``file``: the file, as it was named.
+    ``column``: the column's name in the file, if one is to blame.
+    ``row``: the row of numbers, counted from 1, likewise.
+    ``line``: that row's line in a text file, or the line to blame.
     """
 
     def __init__(
@@ -105,10 +98,7 @@ def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
 def read_text(path: Path, strict: bool = True) -> str:
     """Return the text of a file; unless ``strict``, bytes that are not UTF-8 are replaced.
 
-    Raises
-    ------
-    RecordingError
-        Unreadable, too large, or not UTF-8.
+    Raises RecordingError: unreadable, too large, or not UTF-8.
     """
     check_file(path)
     try:

@@ -51,10 +51,7 @@ SHAPE_TOLERANCE = 0.05  # m: simple shapes may exceed the bodies that they repre
 def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     """Return the parts of a problem; relative paths start from ``folder``.
 
-    Raises
-    ------
-    ProblemFileError
-        With every mistake found, each with its line and key path.
+    Raises ProblemFileError: with every mistake found, each with its line and key path.
     """
     mistakes = Mistakes(source)
     start = _start(spec, folder, mistakes)

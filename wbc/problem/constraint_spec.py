@@ -44,10 +44,7 @@ class ConstraintSpec(Section):
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
         """Return the constraint, for a robot that starts at ``start``.
 
-        Raises
-        ------
-        WbcError
-            An unknown name, or numbers that do not fit.
+        Raises WbcError: an unknown name, or numbers that do not fit.
         """
 
     def not_in_search(self) -> Iterator[Misplaced]:

@@ -68,10 +68,7 @@ class ControllerSpec(Section):
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> Controller:
         """Return a new controller; for ``parts`` see :class:`~wbc.controllers.KinematicController`.
 
-        Raises
-        ------
-        WbcError
-            Parts that do not fit together, or a solver that is not installed.
+        Raises WbcError: parts that do not fit together, or a solver that is not installed.
         """
 
 
@@ -88,10 +85,7 @@ class SolverSettings(ControllerSpec):
     def backend(self) -> Backend:
         """Return the solver.
 
-        Raises
-        ------
-        WbcError
-            It is not installed, or does not take this accuracy.
+        Raises WbcError: it is not installed, or does not take this accuracy.
         """
         return make_backend(self.solver, **({} if self.eps is None else {"eps": self.eps}))
 

@@ -46,10 +46,7 @@ class DevicesSpec(Section):
     def made(self) -> Devices:
         """Return the sensors.
 
-        Raises
-        ------
-        InvalidInputError
-            Numbers that contradict each other.
+        Raises InvalidInputError: Numbers that contradict each other.
         """
         others = {"imus": tuple(Imu(**one) for one in self.imus)} if self.imus else {}
         return Devices(

@@ -54,10 +54,7 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
 
     It has all hard constraints; soft ones are left to the motion.
 
-    Raises
-    ------
-    Misplaced
-        A support margin without a sole to stand on, or one that leaves nothing of it.
+    Raises Misplaced: a support margin without a sole to stand on, or one that leaves nothing of it.
     """
     # Imported here: problems without a search need not load CasADi.
     from wbc.shaping import GlobalShaping

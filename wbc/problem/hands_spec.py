@@ -58,10 +58,7 @@ class HandsSpec(Section):
     ) -> HandSupport:
         """Return the support by the hands; ``friction`` is that of other contacts.
 
-        Raises
-        ------
-        WbcError
-            No walls, no arms, or walls out of reach.
+        Raises WbcError: no walls, no arms, or walls out of reach.
         """
         counted = friction if self.friction is None else self.friction
         made = [wall.wall(counted) for wall in walls]

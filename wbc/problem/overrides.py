@@ -24,10 +24,7 @@ _NAMED = (("tasks", "task", 1), ("phases", "phase", 1), ("tasks", "task", 3))
 def parse_override(text: str) -> tuple[str, Any]:
     """Return key path and value of ``PATH=VALUE``; the value is a YAML scalar, list or mapping.
 
-    Raises
-    ------
-    ProblemFileError
-        Not of that form.
+    Raises ProblemFileError: not of that form.
     """
     parts = _ASSIGNMENT.fullmatch(text)
     if parts is None or not parts[1].strip() or not parts[2].strip():
@@ -42,12 +39,9 @@ def parse_override(text: str) -> tuple[str, Any]:
 def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
     """Return ``source`` with the value at each key path replaced, or added if it was not there.
 
-    Raises
-    ------
-    ProblemFileError
-        The source is no mapping; or a path that leads into something that is no mapping or list,
-        past the end of a list, or into a task or phase that does not exist; or a value that a later
-        one replaces with all of its section.
+    Raises ProblemFileError: the source is no mapping; or a path that leads into something that is
+    no mapping or list, past the end of a list, or into a task or phase that does not exist; or a
+    value that a later one replaces with all of its section.
     """
     if not isinstance(source.data, dict):
         raise ProblemFileError(f"{source.name}: is no mapping, in which a value could be replaced")

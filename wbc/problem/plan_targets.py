@@ -63,14 +63,9 @@ def follow_plan(
 ) -> tuple[dict[str, TargetedTask], PlanReference | MotionReference | None]:
     """Return the tasks, with targets driven by their plan or motion, and that, or None.
 
-    Parameters
-    ----------
-    built:
-        The tasks by name.
-    contacts:
-        Held throughout.
-    folder:
-        From which relative paths start.
+    ``built``: the tasks by name.
+    ``contacts``: held throughout.
+    ``folder``: from which relative paths start.
     """
     targets = {name: task.target for name, task in spec.tasks.items() if name in built}
     following = {name: one for name, one in targets.items() if isinstance(one, Followed)}

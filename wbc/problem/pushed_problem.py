@@ -136,12 +136,8 @@ class LoadPushed:
     def of(cls, path: Path, overrides: Mapping[str, Any], settings: PushSettings) -> LoadPushed:
         """Return the loader of a file in its present state.
 
-        Raises
-        ------
-        InvalidInputError
-            stdin, which other processes cannot read.
-        OSError
-            The file cannot be read.
+        Raises InvalidInputError: stdin, which other processes cannot read; OSError: the file cannot
+        be read.
         """
         if str(path) == "-":
             raise InvalidInputError("wbc push reads a problem in several processes: name a file")

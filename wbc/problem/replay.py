@@ -49,12 +49,9 @@ def replay_run(
     The file holds the problem's text and its overrides. All arrays (of an ``.npz``) and the whole
     summary are compared except timings; of an interrupted run its recorded ticks.
 
-    Raises
-    ------
-    InvalidInputError
-        Not a result, or damaged; or the ``.json`` of an interrupted run, without its ticks.
-    ProblemFileError
-        Its problem cannot be loaded, for instance because robot or motion files have moved.
+    Raises InvalidInputError: not a result, or damaged; or the ``.json`` of an interrupted run,
+    without its ticks; ProblemFileError: its problem cannot be loaded, for instance because robot or
+    motion files have moved.
     """
     path = Path(path)
     summary, arrays = read_result(path)

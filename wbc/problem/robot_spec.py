@@ -113,10 +113,7 @@ class RobotSpec(Section):
     def load(self, folder: Path) -> Robot:
         """Return the robot; relative paths start from ``folder``.
 
-        Raises
-        ------
-        WbcError
-            No such robot, or one that cannot be used.
+        Raises WbcError: no such robot, or one that cannot be used.
         """
         feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
         robot = Robot.load(
@@ -160,10 +157,7 @@ class StartSpec(Section):
     def configuration(self, robot: Robot, folder: Path) -> Array:
         """Return the configuration (nq,); relative paths start from ``folder``.
 
-        Raises
-        ------
-        WbcError
-            No such motion, or one of another robot; a posture or joints besides it.
+        Raises WbcError: no such motion, or one of another robot; a posture or joints besides it.
         """
         if self.motion is None:
             return robot.posture(self.posture, self.joints, self.on_ground)
@@ -210,10 +204,7 @@ class LimitsSpec(Section):
     def build(self, robot: Robot) -> Limits:
         """Return the limits.
 
-        Raises
-        ------
-        WbcError
-            A joint that does not exist, or a margin that leaves no range.
+        Raises WbcError: a joint that does not exist, or a margin that leaves no range.
         """
         values = self.model_dump(exclude={"acceleration"})
         if isinstance(self.acceleration, float | int | None):

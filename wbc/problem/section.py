@@ -83,14 +83,9 @@ class OneOf:
     the sections' own ``Literal``; a section in which the key has a default is used if the key is
     left out.
 
-    Parameters
-    ----------
-    key:
-        Such as ``type``.
-    example:
-        A mapping, as messages show it.
-    then:
-        The key that distinguishes sections with the same word.
+    ``key``: such as ``type``.
+    ``example``: a mapping, as messages show it.
+    ``then``: the key that distinguishes sections with the same word.
     """
 
     key: str

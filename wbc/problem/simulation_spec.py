@@ -118,10 +118,7 @@ class PushSpec(Section):
     def push(self, start: Snapshot, feet: Sequence[str]) -> Push:
         """Return the push, of a robot that stands on ``feet`` at the start.
 
-        Raises
-        ------
-        WbcError
-            An unknown body, or no strength or direction, or more than one of either.
+        Raises WbcError: an unknown body, or no strength or direction, or more than one of either.
         """
         start.robot.frame_id(self.body)
         place = np.array(self.point) if isinstance(self.point, tuple) else np.zeros(3)
@@ -337,12 +334,7 @@ class SimulationSpec(Section):
 
         ``hands`` may lean on walls.
 
-        Raises
-        ------
-        MissingPackageError
-            MuJoCo is not installed.
-        ModelError
-            MuJoCo refuses the robot.
+        Raises MissingPackageError: MuJoCo is not installed; ModelError: MuJoCo refuses the robot.
         """
         settings: dict[str, Any] = {
             "dt": dt,

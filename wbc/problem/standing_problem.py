@@ -46,18 +46,11 @@ def standing_problem(
 ) -> str:
     """Return the text of a problem that tracks a standing motion in simulation.
 
-    Parameters
-    ----------
-    file:
-        The motion's file, relative to the problem's.
-    model:
-        The robot's name or file. Rotor inertias that differ between joints are left to it.
-    trunk:
-        Frame of the trunk, whose rotation is followed.
-    name:
-        That the problem's file will have.
-    slower, lean:
-        As of :class:`~wbc.retargeting.reference.MotionReference`.
+    ``file``: the motion's file, relative to the problem's.
+    ``model``: the robot's name or file. Rotor inertias that differ between joints are left to it.
+    ``trunk``: frame of the trunk, whose rotation is followed.
+    ``name``: that the problem's file will have.
+    ``slower``, ``lean``: as of :class:`~wbc.retargeting.reference.MotionReference`.
     """
     reference = MotionReference(motion, slower=slower, lean=lean)
     more = "" if slower == 1.0 else f", slower: {slower:g}"

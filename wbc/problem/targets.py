@@ -144,10 +144,7 @@ TurnTarget = Annotated[
 def rotation(target: Rpy | QuaternionTarget | str, start: Array) -> Array:
     """Return a wanted rotation (3, 3).
 
-    Raises
-    ------
-    Misplaced
-        A quaternion without length.
+    Raises Misplaced: a quaternion without length.
     """
     if isinstance(target, Rpy):
         return _from_rpy(*target.rpy)

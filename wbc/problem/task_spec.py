@@ -45,10 +45,7 @@ class TaskSpec(Section):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task, for a robot that starts at ``start``.
 
-        Raises
-        ------
-        WbcError
-            An unknown frame or joint, or numbers that do not fit.
+        Raises WbcError: an unknown frame or joint, or numbers that do not fit.
         """
 
     @property

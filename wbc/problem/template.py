@@ -56,14 +56,9 @@ EDITOR_LINE = "# yaml-language-server: $schema={}\n"
 def problem_template(robot: Robot, name: str, file: str, schema: str | None = None) -> str:
     """Return the text of a problem that runs: a robot spreads its arms where it stands.
 
-    Parameters
-    ----------
-    name:
-        The robot's name in the file.
-    file:
-        The file's name in the comments.
-    schema:
-        Path of the JSON Schema for editors, relative to the file; None leaves it out.
+    ``name``: the robot's name in the file.
+    ``file``: the file's name in the comments.
+    ``schema``: path of the JSON Schema for editors, relative to the file; None leaves it out.
     """
     double = {"left", "right"} <= set(robot.feet)
     return _TEXT.format(

@@ -54,10 +54,7 @@ class ActiveSet:
 
         ``quick``: if there is none, no further search for the rows in conflict.
 
-        Raises
-        ------
-        InvalidInputError
-            See :func:`wbc.qp.problem.check_qp`.
+        Raises InvalidInputError: see :func:`wbc.qp.problem.check_qp`.
         """
         return self._solve(qp, None, perf_counter(), quick)
 

@@ -40,10 +40,8 @@ class PseudoInverse:
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the clipped pseudo-inverse solution of ``qp``.
 
-        Raises
-        ------
-        InvalidInputError
-            See :func:`~wbc.qp.problem.check_qp`; or the QP has inequality rows.
+        Raises InvalidInputError: see :func:`~wbc.qp.problem.check_qp`; or the QP has inequality
+        rows.
         """
         start = perf_counter()
         check_qp(qp)

@@ -58,21 +58,12 @@ _MARGIN = 0.1
 class QpsolversBackend:
     """One solver of the qpsolvers package by name, cold every time.
 
-    Parameters
-    ----------
-    name:
-        A name in ``qpsolvers.available_solvers``; see :func:`wbc.qp.backend.make_backend`.
-    eps:
-        Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
-    settings:
-        Passed to the solver as they are, over those that set the accuracy.
+    ``name``: a name in ``qpsolvers.available_solvers``; see :func:`wbc.qp.backend.make_backend`.
+    ``eps``: accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
+    ``settings``: passed to the solver as they are, over those that set the accuracy.
 
-    Raises
-    ------
-    InvalidInputError
-        An eps out of range.
-    SolverError
-        The solver does not take the settings.
+    Raises InvalidInputError: an eps out of range; SolverError: the solver does not take the
+    settings.
     """
 
     def __init__(self, name: str, eps: float = 1e-8, **settings: Any) -> None:
@@ -111,12 +102,8 @@ class QpsolversBackend:
 
         ``quick``: in few iterations; if there is none, do not search for the rows in conflict.
 
-        Raises
-        ------
-        InvalidInputError
-            See :func:`wbc.qp.problem.check_qp`.
-        SolverError
-            The solver does not take the settings it was given.
+        Raises InvalidInputError: see :func:`wbc.qp.problem.check_qp`; SolverError: the solver does
+        not take the settings it was given.
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)

@@ -226,14 +226,9 @@ def _interior_point(
 ) -> Array:
     """Return the least displacement (n, 2) of the CoM, see :func:`least_com_displacement`.
 
-    Parameters
-    ----------
-    minimize:
-        From squares and linear terms of the distances outside the edges, see there.
-    base:
-        Distances (n, m) without displacement [m].
-    edges:
-        Which of these there are (n, m).
+    ``minimize``: from squares and linear terms of the distances outside the edges, see there.
+    ``base``: distances (n, m) without displacement [m].
+    ``edges``: which of these there are (n, m).
     """
     # Distances are at most multiplier / OUTSIDE_WEIGHT; slacks are what is left of that.
     e = np.zeros((len(base), 2))

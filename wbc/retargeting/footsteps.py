@@ -187,14 +187,9 @@ def _required_widening(
 ) -> float:
     """Return the outward shift of each foot that keeps them apart [m].
 
-    Parameters
-    ----------
-    soles:
-        Their corners (k, 2), by side [m].
-    gap:
-        Between soles, and between their widths where one foot passes the other [m].
-    least_width:
-        Of the feet from each other, for thighs and shanks [m].
+    ``soles``: their corners (k, 2), by side [m].
+    ``gap``: between soles, and between their widths where one foot passes the other [m].
+    ``least_width``: of the feet from each other, for thighs and shanks [m].
     """
     angles = np.linspace(-MAX_LINE_ANGLE, MAX_LINE_ANGLE, 53)
     width = max(gap + max(float(np.ptp(sole[:, 1])) for sole in soles.values()), least_width)

@@ -53,12 +53,8 @@ def ground_forces(
 ) -> GroundForces:
     """Return the ground forces and joint torques of a motion.
 
-    Parameters
-    ----------
-    supports:
-        Of the frames that have one; all others are in flight.
-    friction:
-        Coefficient.
+    ``supports``: of the frames that have one; all others are in flight.
+    ``friction``: coefficient.
     """
     count, weight = len(q), robot.weight
     force = whole.momentum_rate[:, :3] + [0.0, 0.0, weight]

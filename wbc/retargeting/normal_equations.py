@@ -55,10 +55,7 @@ class NormalEquations:
     def solve(self, diagonal: Array, gradient: Array) -> Array:
         """Return displacements (n, nv), with (n, nv) added to the diagonal and the gradient.
 
-        Raises
-        ------
-        SolverError
-            The matrix is not positive definite.
+        Raises SolverError: the matrix is not positive definite.
         """
         band = self._band.copy()
         band[..., 0] += diagonal

@@ -57,13 +57,9 @@ def solve(
 
     Constraints are weighted, so tasks may leave them slightly violated.
 
-    Parameters
-    ----------
-    axes:
-        The human's principal axes as columns (n, 3, 3).
-    warm_start:
-        Configurations (m, nq) of the same motion, perhaps at another speed; None: frame-by-frame
-        inverse kinematics.
+    ``axes``: the human's principal axes as columns (n, 3, 3).
+    ``warm_start``: configurations (m, nq) of the same motion, perhaps at another speed; None:
+    frame-by-frame inverse kinematics.
     """
     tasks, collision = problem.tasks, problem.collision
     robot = tasks.robot

@@ -123,12 +123,8 @@ class RobotSetup(NamedTuple):
 def robot_setup(robot: Robot, links: Mapping[str, str] | None, margin: float | None) -> RobotSetup:
     """Return what is derived from a robot, from a cache if possible.
 
-    Parameters
-    ----------
-    links:
-        See :func:`wbc.retargeting.body_map.body_map`, whose errors it raises.
-    margin:
-        Between bodies [m]; None: they may touch.
+    ``links``: see :func:`wbc.retargeting.body_map.body_map`, whose errors it raises.
+    ``margin``: between bodies [m]; None: they may touch.
     """
     given = {} if links is None else dict(by_name("retarget, links", links))
     return _cached_setup(robot, tuple(sorted(given.items())), margin)

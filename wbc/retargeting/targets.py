@@ -107,12 +107,8 @@ def scaled_targets(
 def balance_com(targets: Targets, robot: Robot, k: Array, com: Array | None = None) -> Targets:
     """Return targets with the CoM moved so that the CoP is inside the feet that stand.
 
-    Parameters
-    ----------
-    k:
-        Angular momentum (n, 3) of the robot, or of its targets [kg m^2/s].
-    com:
-        CoM (n, 3) of the robot [m]; None: of the targets.
+    ``k``: angular momentum (n, 3) of the robot, or of its targets [kg m^2/s].
+    ``com``: CoM (n, 3) of the robot [m]; None: of the targets.
     """
     dt = targets.dt
     k_rate = np.gradient(k, dt, axis=0)

@@ -62,16 +62,10 @@ class RetargetWeights:
 class FrameTasks:
     """Tasks of one robot; :meth:`set_targets` gives them a frame's targets.
 
-    Attributes
-    ----------
-    feet:
-        Tasks of feet in the air, by side.
-    momentum:
-        Weights (3,) of the angular momentum, a task of the whole motion.
-    inertia:
-        Of the ellipsoid.
-    inertia_targets:
-        Its targets (n, 3, 3) [kg m^2], once they are known.
+    ``feet``: tasks of feet in the air, by side.
+    ``momentum``: weights (3,) of the angular momentum, a task of the whole motion.
+    ``inertia``: of the ellipsoid.
+    ``inertia_targets``: its targets (n, 3, 3) [kg m^2], once they are known.
     """
 
     def __init__(self, setup: RobotSetup, targets: Targets, weights: RetargetWeights) -> None:

@@ -80,21 +80,12 @@ class Linearization(NamedTuple):
 class TrajectoryProblem:
     """The least-squares problem of a motion.
 
-    Parameters
-    ----------
-    tasks:
-        With the targets.
-    collision:
-        Margins between bodies that are kept.
+    ``tasks``: with the targets.
+    ``collision``: margins between bodies that are kept.
 
-    Attributes
-    ----------
-    leg:
-        Length of the legs [m].
-    damping:
-        Levenberg-Marquardt weight of displacements.
-    max_accelerations:
-        See :func:`max_accelerations`.
+    ``leg``: length of the legs [m].
+    ``damping``: Levenberg-Marquardt weight of displacements.
+    ``max_accelerations``: see :func:`max_accelerations`.
     """
 
     def __init__(self, tasks: FrameTasks, collision: SelfCollision | None) -> None:

@@ -51,21 +51,14 @@ def track(
     The axes must turn by less than 45 degrees between frames; beyond that a rotation cannot be
     distinguished from a change of order or sign. Memory: some 500 bytes per frame.
 
-    Parameters
-    ----------
-    inertias:
-        Moments of inertia about the CoM (n, 3, 3) [kg m^2].
-    previous:
-        Axes (3, 3) of the frame before the first. By default the first frame's axes are those of
-        :func:`~wbc.rmp.ellipsoid.equimomental`, the longest first.
-    gap:
-        Axes whose second moments are closer than this fraction of the largest are undefined.
+    ``inertias``: moments of inertia about the CoM (n, 3, 3) [kg m^2].
+    ``previous``: axes (3, 3) of the frame before the first. By default the first frame's axes are
+    those of :func:`~wbc.rmp.ellipsoid.equimomental`, the longest first.
+    ``gap``: axes whose second moments are closer than this fraction of the largest are undefined.
 
-    Raises
-    ------
-    InvalidInputError
-        Wrong shape, not finite, not symmetric, or an inertia that no body can have (the message
-        names the frame); ``previous`` not a rotation, or a ``gap`` that is not positive.
+    Raises InvalidInputError: wrong shape, not finite, not symmetric, or an inertia that no body can
+    have (the message names the frame); ``previous`` not a rotation, or a ``gap`` that is not
+    positive.
     """
     I = _checked(inertias)  # noqa: E741
     gap = finite_number("gap", gap, above=0.0)
@@ -91,10 +84,7 @@ def follow(axes: ArrayLike, second_moments: ArrayLike, previous: ArrayLike, gap:
     The second moments (3,) are those along ``axes``, the largest first; for ``gap`` see
     :func:`track`.
 
-    Raises
-    ------
-    InvalidInputError
-        Axes that are not a rotation.
+    Raises InvalidInputError: axes that are not a rotation.
     """
     raw, before = checked_rotation(axes), checked_rotation(previous)
     moments = finite_vector("second moments", second_moments, 3)

@@ -39,21 +39,13 @@ def centre_of_pressure(com: Array, force: Array, moment: Array, height: float = 
     p = n x (k'_c + c x f_r) / (n . f_r), heights measured from the ground. It may lie outside the
     support polygon: then the motion is infeasible.
 
-    Parameters
-    ----------
-    com:
-        CoM c (..., 3) [m].
-    force:
-        Ground reaction force f_r (..., 3) [N], pushing in every frame (see :func:`in_contact`).
-    moment:
-        Its moment about the CoM, k'_c (..., 3) [N m].
-    height:
-        Height z0 of the ground [m].
+    ``com``: CoM c (..., 3) [m].
+    ``force``: ground reaction force f_r (..., 3) [N], pushing in every frame (see
+    :func:`in_contact`).
+    ``moment``: its moment about the CoM, k'_c (..., 3) [N m].
+    ``height``: height z0 of the ground [m].
 
-    Raises
-    ------
-    InvalidInputError
-        The ground does not push somewhere: there is no CoP in flight.
+    Raises InvalidInputError: the ground does not push somewhere: there is no CoP in flight.
     """
     p = centroidal_moment_pivot(com, force, height)
     p[..., 0] -= moment[..., 1] / force[..., 2]

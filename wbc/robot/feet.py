@@ -111,23 +111,13 @@ def find_feet(
 ) -> tuple[dict[str, Foot], tuple[str, ...]]:
     """Return the feet of a robot and notes, adding a sole frame to ``model`` for each.
 
-    Parameters
-    ----------
-    geometry:
-        Collision shapes, of which only those of the feet are loaded.
-    specs:
-        The feet; None guesses them (:func:`~wbc.robot.foot_guess.guess_links`), empty means none.
-        Of three or more, those that end in balls are points.
-    q:
-        A configuration (nq,) with the base upright and, if possible, the soles level.
+    ``geometry``: collision shapes, of which only those of the feet are loaded.
+    ``specs``: the feet; None guesses them (:func:`~wbc.robot.foot_guess.guess_links`), empty means
+    none. Of three or more, those that end in balls are points.
+    ``q``: a configuration (nq,) with the base upright and, if possible, the soles level.
 
-    Raises
-    ------
-    UnknownNameError
-        A foot's link does not exist.
-    InvalidInputError
-        A link whose z axis does not point up with a polygon, or neither polygon nor shapes, or one
-        link as two feet.
+    Raises UnknownNameError: a foot's link does not exist; InvalidInputError: a link whose z axis
+    does not point up with a polygon, or neither polygon nor shapes, or one link as two feet.
     """
     data, feet, notes = model.createData(), dict[str, Foot](), list[str]()
     pin.framesForwardKinematics(model, data, q)

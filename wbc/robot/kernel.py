@@ -24,15 +24,10 @@ from wbc.validate import FLOAT, Array, Index, is_plain, read_only
 class NativeTree:
     """A model as the core reads it; immutable, shared by threads.
 
-    Attributes
-    ----------
-    struct:
-        Pointer to the ``wbc_tree``.
-    arrays:
-        Its arrays, by the names of ``wbc_tree`` in source/core.h.
-    parts:
-        Slices of the quantities in a state or a motion, by the names of ``wbc_state_places`` and
-        ``wbc_motion_places``.
+    ``struct``: pointer to the ``wbc_tree``.
+    ``arrays``: its arrays, by the names of ``wbc_tree`` in source/core.h.
+    ``parts``: slices of the quantities in a state or a motion, by the names of ``wbc_state_places``
+    and ``wbc_motion_places``.
     """
 
     def __init__(self, model: pin.Model) -> None:

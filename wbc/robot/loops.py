@@ -97,10 +97,8 @@ class Closure:
         By Newton's method: joints without a motor move first, those with springs after the others,
         then all but ``kept``, as little as possible. Mimic joints go along.
 
-        Raises
-        ------
-        InvalidInputError
-            They cannot be closed; the message says which loops are how far open.
+        Raises InvalidInputError: they cannot be closed; the message says which loops are how far
+        open.
         """
         names = self.limits.names
         passive = {*self.unactuated, *self.couplings}

@@ -37,11 +37,8 @@ FEW_JOINTS = 6  # too few to tell a robot's size by their positions
 def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     """Check a model after joints were locked, and return notes on what was tolerated.
 
-    Raises
-    ------
-    ModelError
-        The root is not one free-flyer, a joint has not exactly one axis or moves no mass, or a
-        body has an inertia that no rigid body can have. The message names joint and link.
+    Raises ModelError: the root is not one free-flyer, a joint has not exactly one axis or moves no
+    mass, or a body has an inertia that no rigid body can have. The message names joint and link.
     """
     _check_joints(model, path)
     notes = _check_masses(model, path) + _check_inertias(model, path)

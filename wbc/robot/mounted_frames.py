@@ -92,10 +92,7 @@ def mounted_places(robot: Robot, mounts: Sequence[Mount]) -> tuple[Index, Array]
 def mount(what: str, frame: str, position: ArrayLike, rotation: ArrayLike) -> Mount:
     """Return a checked mount; ``what`` begins the messages.
 
-    Raises
-    ------
-    InvalidInputError
-        No name, NaN, another shape, or no rotation.
+    Raises InvalidInputError: no name, NaN, another shape, or no rotation.
     """
     check_word(f"{what}, frame", frame)
     p = finite_array(f"{what}, position", position, (3,))

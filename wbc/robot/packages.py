@@ -55,20 +55,11 @@ def _menagerie() -> Any:
 def from_robot_descriptions(name: str) -> tuple[Path, tuple[Path, ...]] | None:
     """Return a robot's file in ``robot_descriptions``, and the folders of its meshes, or None.
 
-    Parameters
-    ----------
-    name:
-        Such as ``g1_description``, or ``g1``; with ``robot_descriptions:`` before it the package
-        has to be there, and to have it.
+    ``name``: such as ``g1_description``, or ``g1``; with ``robot_descriptions:`` before it the
+    package has to be there, and to have it.
 
-    Raises
-    ------
-    MissingPackageError
-        The package is not installed, and is meant.
-    UnknownNameError
-        It has no such robot, and is meant.
-    ModelError
-        It cannot be downloaded, or has neither URDF nor MJCF.
+    Raises MissingPackageError: the package is not installed, and is meant; UnknownNameError: it has
+    no such robot, and is meant; ModelError: it cannot be downloaded, or has neither URDF nor MJCF.
     """
     meant = name.startswith(DESCRIPTIONS)
     plain = name.removeprefix(DESCRIPTIONS)

@@ -62,16 +62,10 @@ def parallel_axis_hessian(
     The sum is M r' K r, with K = tr(G) 1 - G. The arm's own second derivative is that of points of
     bodies: w_i x J_j where column i of v carries all that column j does.
 
-    Parameters
-    ----------
-    weights:
-        G (3, 3) symmetric.
-    jacobian:
-        (3, nv) of the arm.
-    twists:
-        (6, nv), the linear part that of the point at the world's origin.
-    orders:
-        See :attr:`wbc.robot.tree.KinematicTree.carried`.
+    ``weights``: G (3, 3) symmetric.
+    ``jacobian``: (3, nv) of the arm.
+    ``twists``: (6, nv), the linear part that of the point at the world's origin.
+    ``orders``: see :attr:`wbc.robot.tree.KinematicTree.carried`.
     """
     K = _row_crosses(weights)
     pull = mass * K.dot(arm)

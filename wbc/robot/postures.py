@@ -201,13 +201,9 @@ def settle_on_ground(
     their hull; joints stay within their limits, and those held only by springs do not move. A cost
     keeps the soles' distance, but legs that are drawn far apart are brought together if possible.
 
-    Parameters
-    ----------
-    closure:
-        Of the model and limits, which has the frames of the soles.
-    com:
-        Where the CoM shall be (2,) [m], from the middle of the soles' hull; None: in the middle,
-        unless ``q`` stands.
+    ``closure``: of the model and limits, which has the frames of the soles.
+    ``com``: where the CoM shall be (2,) [m], from the middle of the soles' hull; None: in the
+    middle, unless ``q`` stands.
     """
     model, limits = closure.model, closure.limits
     if not feet or (com is None and is_standing(model, q, feet)):

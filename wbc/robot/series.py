@@ -81,23 +81,13 @@ def state_series(
 ) -> StateSeries:
     """Return the core's results at n states, with some frames: 4 us a state for 35 velocities.
 
-    Parameters
-    ----------
-    q:
-        Configurations (n, nq), with unit quaternions.
-    v:
-        Velocities (n, nv); zero if not given.
-    frames:
-        Names of the frames to include.
-    momentum_jacobian:
-        Whether to include it.
+    ``q``: configurations (n, nq), with unit quaternions.
+    ``v``: velocities (n, nv); zero if not given.
+    ``frames``: names of the frames to include.
+    ``momentum_jacobian``: whether to include it.
 
-    Raises
-    ------
-    InvalidInputError
-        Arrays of a wrong shape, or not finite.
-    UnknownNameError
-        No such frame.
+    Raises InvalidInputError: arrays of a wrong shape, or not finite; UnknownNameError: no such
+    frame.
     """
     count = len(q)
     q = finite_array("q", q, (count, robot.nq))
@@ -148,19 +138,11 @@ def centroidal_series(
 ) -> CentroidalSeries:
     """Return CoM, momentum, inertia, their rates and the soles' placements in n frames.
 
-    Parameters
-    ----------
-    q:
-        Configurations (n, nq), with unit quaternions.
-    v, acceleration:
-        Velocities and their rates (n, nv): base in base axes, joints.
-    progress:
-        Called with frames done and frames in all, every 500 frames and at the end.
+    ``q``: configurations (n, nq), with unit quaternions.
+    ``v``, ``acceleration``: velocities and their rates (n, nv): base in base axes, joints.
+    ``progress``: called with frames done and frames in all, every 500 frames and at the end.
 
-    Raises
-    ------
-    InvalidInputError
-        Arrays of a wrong shape, or not finite.
+    Raises InvalidInputError: arrays of a wrong shape, or not finite.
     """
     count = len(q)
     q = finite_array("q", q, (count, robot.nq))

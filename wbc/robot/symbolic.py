@@ -60,17 +60,10 @@ class _Moments:
 class LocalRobot:
     """Quantities in base axes, from the base's origin, as expressions of the joints.
 
-    Parameters
-    ----------
-    coordinates:
-        One entry per actuated joint; see :func:`angle_turns`.
+    ``coordinates``: one entry per actuated joint; see :func:`angle_turns`.
 
-    Attributes
-    ----------
-    com:
-        CoM (3, 1) [m].
-    inertia:
-        CRB inertia about the CoM (3, 3) [kg m^2].
+    ``com``: CoM (3, 1) [m].
+    ``inertia``: CRB inertia about the CoM (3, 3) [kg m^2].
     """
 
     def __init__(self, robot: Robot, coordinates: tuple[Coordinate, ...]) -> None:
@@ -96,10 +89,7 @@ class LocalRobot:
     def frame(self, name: str) -> Placement:
         """Return where a frame of the robot is.
 
-        Raises
-        ------
-        UnknownNameError
-            No such frame.
+        Raises UnknownNameError: no such frame.
         """
         if name not in self._frames:
             frame = self.robot.frame(name)

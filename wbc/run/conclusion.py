@@ -32,16 +32,10 @@ def conclude(
 ) -> Result:
     """Return the result of a run that ended at ``end``; targets are those of the end.
 
-    Parameters
-    ----------
-    standing:
-        The support at the end.
-    aborted:
-        Why a phase could not begin, or None.
-    provenance:
-        Origin of the run, as plain data; a part of the result.
-    interrupted:
-        Time of the cancellation [s], if that ended the run.
+    ``standing``: the support at the end.
+    ``aborted``: why a phase could not begin, or None.
+    ``provenance``: origin of the run, as plain data; a part of the result.
+    ``interrupted``: time of the cancellation [s], if that ended the run.
     """
     final = recorder.measure(end, standing)
     results = {

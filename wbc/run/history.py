@@ -147,16 +147,11 @@ class StateRecord(NamedTuple):
 class HistoryRecorder:
     """Measures states and collects ticks.
 
-    Attributes
-    ----------
-    states:
-        The states that a run is judged by: measured at the beginning of each tick, or true.
-    failures:
-        Why there was no solution, by tick.
-    standings:
-        Contacts and margins of each tick.
-    left_out:
-        Number of ticks in which each part was skipped, for lack of time or of a level's solution.
+    ``states``: the states that a run is judged by: measured at the beginning of each tick, or true.
+    ``failures``: why there was no solution, by tick.
+    ``standings``: contacts and margins of each tick.
+    ``left_out``: number of ticks in which each part was skipped, for lack of time or of a level's
+    solution.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
@@ -184,12 +179,9 @@ class HistoryRecorder:
     ) -> None:
         """Record a tick.
 
-        Parameters
-        ----------
-        errors:
-            Of the tasks, by name; by default those that the tick reports.
-        truth:
-            The true state, if known, by which the run is judged. The history has the measured one.
+        ``errors``: of the tasks, by name; by default those that the tick reports.
+        ``truth``: the true state, if known, by which the run is judged. The history has the
+        measured one.
         """
         tick, state = now.tick, self.measure(now.snapshot, standing)
         if not tick.ok:

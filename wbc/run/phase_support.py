@@ -44,10 +44,7 @@ class PhaseSupport:
     ) -> PhaseSupport:
         """Return the support of contacts, with constraints and limits.
 
-        Parameters
-        ----------
-        is_hard:
-            Tells whether the contact or constraint of a name is hard.
+        ``is_hard``: tells whether the contact or constraint of a name is hard.
         """
         feet = held_feet(contacts)
         margins = tuple(one for one in constraints if isinstance(one, Margin))
@@ -130,12 +127,8 @@ def off_the_ground(
 ) -> str | None:
     """Return why a foot cannot bear, in words, or None if its sole is flat on the ground.
 
-    Parameters
-    ----------
-    ground:
-        Height of the ground (k,) [m] at points (k, 2), world axes; None: 0 everywhere.
-    flat:
-        Largest distance of a sole's corner from the ground [m].
+    ``ground``: height of the ground (k,) [m] at points (k, 2), world axes; None: 0 everywhere.
+    ``flat``: largest distance of a sole's corner from the ground [m].
     """
     sole = snapshot.robot.feet[foot]
     R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)

@@ -119,18 +119,11 @@ def run_status(
 ) -> tuple[RunStatus, str]:
     """Return the status of a run, and its reason in words.
 
-    Parameters
-    ----------
-    failed, ticks:
-        Number of ticks without solution, and of all.
-    norms:
-        Norm of each task's error at the end.
-    aborted:
-        Why a phase could not begin, or None.
-    not_kept:
-        Conditions that were violated in some tick, in words.
-    interrupted:
-        Time of the cancellation [s], if that ended the run.
+    ``failed``, ``ticks``: number of ticks without solution, and of all.
+    ``norms``: norm of each task's error at the end.
+    ``aborted``: why a phase could not begin, or None.
+    ``not_kept``: conditions that were violated in some tick, in words.
+    ``interrupted``: time of the cancellation [s], if that ended the run.
     """
     if failed:
         return RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution"

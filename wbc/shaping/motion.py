@@ -53,16 +53,11 @@ class GuidingTasks:
     The problem's own tasks are not among them: they would pull to minima beside the path, with
     arbitrary weights.
 
-    Attributes
-    ----------
-    tasks:
-        Posture; base, if no contact determines it and it must move; CoM, if it must stay over the
-        support (convex, so that the straight line stays inside).
-    lasting:
-        Tasks that remain when the problem's tasks take over: if the best posture leans on the edge
-        of the support, the CoM is held, because the tasks alone would tip the robot over it.
-    duration:
-        Of the path [s], at a fraction of the joints' speed limits.
+    ``tasks``: posture; base, if no contact determines it and it must move; CoM, if it must stay
+    over the support (convex, so that the straight line stays inside).
+    ``lasting``: tasks that remain when the problem's tasks take over: if the best posture leans on
+    the edge of the support, the CoM is held, because the tasks alone would tip the robot over it.
+    ``duration``: of the path [s], at a fraction of the joints' speed limits.
     """
 
     def __init__(self, problem: ShapingProblem, start: Array, candidate: Candidate) -> None:

@@ -31,12 +31,8 @@ NOT_PROJECTED = "a sample stayed off the contacts"
 class StoppingRule:
     """Results by the number of the start, and at which of them the search stops.
 
-    Parameters
-    ----------
-    scale:
-        The factor that makes the cost of a median posture 1.
-    patience:
-        Stop after so many searches in a row without a better posture; None: never.
+    ``scale``: the factor that makes the cost of a median posture 1.
+    ``patience``: stop after so many searches in a row without a better posture; None: never.
     """
 
     def __init__(self, scale: float, patience: int | None) -> None:

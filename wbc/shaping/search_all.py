@@ -39,12 +39,9 @@ def search_all(
 ) -> Searches:
     """Search from every start, here and in other processes; Ctrl-C returns the results so far.
 
-    Parameters
-    ----------
-    others:
-        Largest number of other processes; see :class:`~wbc.workers.Workers`.
-    deadline:
-        By the clock ``time.time``, after which only the first search is started; None: none.
+    ``others``: largest number of other processes; see :class:`~wbc.workers.Workers`.
+    ``deadline``: by the clock ``time.time``, after which only the first search is started; None:
+    none.
     """
     found: dict[int, LocalOptimum] = {}
     starts: list[Start] = []

@@ -73,10 +73,8 @@ def build(
 ) -> CompiledModel:
     """Return the MuJoCo model of a robot on a terrain.
 
-    Raises
-    ------
-    ModelError
-        MuJoCo refuses the robot, or some joints have no inertia; the message says why.
+    Raises ModelError: MuJoCo refuses the robot, or some joints have no inertia; the message says
+    why.
     """
     _check_inertias(robot)
     spec = mujoco.MjSpec()

@@ -158,10 +158,7 @@ def apply(
 
     Returns the sum of the pushes' forces (3,) [N].
 
-    Parameters
-    ----------
-    bodies:
-        MuJoCo's body of each Pinocchio joint.
+    ``bodies``: MuJoCo's body of each Pinocchio joint.
     """
     push_force = np.zeros(3)
     for one in active:

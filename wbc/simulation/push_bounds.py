@@ -58,19 +58,11 @@ def push_bounds(
 ) -> PushBounds:
     """Return the bounds of a robot at rest on its feet.
 
-    Parameters
-    ----------
-    angles:
-        Directions (n,) [rad], 0 along world x.
-    duration:
-        Of the push [s].
-    tilt:
-        Largest angle of the reaction mass [rad].
+    ``angles``: directions (n,) [rad], 0 along world x.
+    ``duration``: of the push [s].
+    ``tilt``: largest angle of the reaction mass [rad].
 
-    Raises
-    ------
-    InvalidInputError
-        No feet, or a CoM that is not above their soles.
+    Raises InvalidInputError: no feet, or a CoM that is not above their soles.
     """
     from wbc.rmp.balance.push_limits import Wheel, push_limits  # loads CasADi
 
@@ -131,17 +123,11 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
     angular momentum; d is the distance from the CoM's projection to the edge of the soles in the
     direction of the push, omega^2 = g / z with z the CoM's height over the soles.
 
-    Parameters
-    ----------
-    feet:
-        In contact.
-    direction:
-        (2,) or (3,), projected onto x and y; of any length.
+    ``feet``: in contact.
+    ``direction``: (2,) or (3,), projected onto x and y; of any length.
 
-    Raises
-    ------
-    InvalidInputError
-        No direction along the ground, no feet, or a CoM that is not above the soles.
+    Raises InvalidInputError: no direction along the ground, no feet, or a CoM that is not above the
+    soles.
     """
     given = real_array("push, direction", direction)
     horizontal = finite_array("push, direction", given, (3 if given.size == 3 else 2,))[:2]

@@ -29,17 +29,12 @@ EXTRA_PERIODS = 50  # control periods of standing, as messages may be lost and I
 class EstimateErrors:
     """Errors of the base's estimates over a run, and their consistency with the covariances.
 
-    Attributes
-    ----------
-    count:
-        Number of estimates.
-    way:
-        Horizontal distance that the base travelled [m], from its places every quarter of a second,
-        so that its sway hardly counts.
-    drift, yaw:
-        Horizontal error of the position [m] and of the heading [rad] at the last estimate.
-    rise:
-        Error of the base's height at the last estimate [m].
+    ``count``: number of estimates.
+    ``way``: horizontal distance that the base travelled [m], from its places every quarter of a
+    second, so that its sway hardly counts.
+    ``drift``, ``yaw``: horizontal error of the position [m] and of the heading [rad] at the last
+    estimate.
+    ``rise``: error of the base's height at the last estimate [m].
     """
 
     def __init__(self) -> None:

@@ -26,12 +26,9 @@ XYZW = np.array([1, 2, 3, 0])
 class StateMap:
     """Converts states of one robot; entries are found by joint names.
 
-    Attributes
-    ----------
-    coordinates, velocities:
-        Joint of each entry of MuJoCo's ``qpos`` and ``qvel``; ``base`` for the base.
-    base:
-        Pose of a fixed base (7,), position and quaternion xyzw.
+    ``coordinates``, ``velocities``: joint of each entry of MuJoCo's ``qpos`` and ``qvel``; ``base``
+    for the base.
+    ``base``: pose of a fixed base (7,), position and quaternion xyzw.
     """
 
     def __init__(self, robot: Robot, model: Any) -> None:

@@ -73,22 +73,14 @@ class UnmetContacts:
 class TrialRecord:
     """Records the control periods of a trial, from the plant's present state.
 
-    Attributes
-    ----------
-    truth:
-        States and forces of the plant.
-    run:
-        Measured states and ticks; conditions are judged by the true states.
-    pushes, wrenches:
-        All pushes and longer wrenches.
-    verdict:
-        Whether the robot stands.
-    gave_way:
-        Number of ticks in which each row was relaxed, by name.
-    relaxed, lost:
-        Number of relaxed ticks, and of control periods without a measurement.
-    tilt:
-        Angles of the trunk from its initial vertical [rad], of the first state and every period.
+    ``truth``: states and forces of the plant.
+    ``run``: measured states and ticks; conditions are judged by the true states.
+    ``pushes``, ``wrenches``: all pushes and longer wrenches.
+    ``verdict``: whether the robot stands.
+    ``gave_way``: number of ticks in which each row was relaxed, by name.
+    ``relaxed``, ``lost``: number of relaxed ticks, and of control periods without a measurement.
+    ``tilt``: angles of the trunk from its initial vertical [rad], of the first state and every
+    period.
     """
 
     def __init__(self, plant: Plant, phases: Supervisor) -> None:

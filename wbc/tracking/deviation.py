@@ -157,11 +157,8 @@ def evaluate_tracking(
 ) -> PlanTracking:
     """Return the tracking errors of a recorded run.
 
-    Parameters
-    ----------
-    truth:
-        ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv) and ``cop`` (n, 3) [m], as of a
-        :class:`wbc.simulation.Recorder`.
+    ``truth``: ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv) and ``cop`` (n, 3) [m], as of a
+    :class:`wbc.simulation.Recorder`.
     """
     time = truth["time"]
     wanted = reference.at(time)

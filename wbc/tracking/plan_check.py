@@ -31,24 +31,15 @@ class PlanMismatchError(InvalidInputError):
 def check_plan(plan: Plan, start: Snapshot, feet: Iterable[str], *, flights: bool = False) -> None:
     """Refuse a plan that the robot cannot follow on its feet.
 
-    Parameters
-    ----------
-    start:
-        The robot at rest, before the plan begins.
-    feet:
-        Those that stand, all the time except in flights.
-    flights:
-        Whether the feet leave the ground where the plan does, and come back to where they stood.
+    ``start``: the robot at rest, before the plan begins.
+    ``feet``: those that stand, all the time except in flights.
+    ``flights``: whether the feet leave the ground where the plan does, and come back to where they
+    stood.
 
-    Raises
-    ------
-    PlanMismatchError
-        Another mass or gravity, a first CoM far from the robot's, another inertia, a flight without
-        ``flights``, or supports outside the soles; the message has the numbers of all mismatches.
-    InvalidInputError
-        Soles that are not on the ground.
-    UnknownNameError
-        The robot has no such foot.
+    Raises PlanMismatchError: another mass or gravity, a first CoM far from the robot's, another
+    inertia, a flight without ``flights``, or supports outside the soles; the message has the
+    numbers of all mismatches; InvalidInputError: soles that are not on the ground;
+    UnknownNameError: the robot has no such foot.
     """
     polygon = sole_polygon(start, feet)
     found = [*_body_mismatches(plan, start), *_support_mismatches(plan, polygon, flights)]

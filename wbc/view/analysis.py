@@ -42,19 +42,11 @@ Snapshots = int | Sequence[float]  # how many, or at which times [s]
 def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
     """Return a figure of a motion's pendulum: snapshots, ground, radii, leg and rotation.
 
-    Parameters
-    ----------
-    title:
-        Written above all.
-    snapshots:
-        How many, evenly spread over the motion; or their times [s]. 1 to 10.
+    ``title``: written above all.
+    ``snapshots``: how many, evenly spread over the motion; or their times [s]. 1 to 10.
 
-    Raises
-    ------
-    InvalidInputError
-        Another number of snapshots, or times outside the motion.
-    ModelError
-        The robot's meshes cannot be read.
+    Raises InvalidInputError: another number of snapshots, or times outside the motion; ModelError:
+    the robot's meshes cannot be read.
     """
     frames = snapshot_frames(series.time, snapshots)
     told = EXPLANATION + (BANDS if series.uncertainty else "")

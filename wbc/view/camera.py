@@ -35,15 +35,10 @@ class Camera:
     ) -> Camera:
         """Return the nearest camera that looks from a direction and has all points in the picture.
 
-        Parameters
-        ----------
-        points:
-            (k, 3) [m].
-        azimuth, elevation:
-            Where the camera stands as seen from the points [rad]; azimuth 0 is in front (x), pi/2
-            to the left (y).
-        width, height:
-            Size of the picture in pixels.
+        ``points``: (k, 3) [m].
+        ``azimuth``, ``elevation``: where the camera stands as seen from the points [rad]; azimuth 0
+        is in front (x), pi/2 to the left (y).
+        ``width``, ``height``: size of the picture in pixels.
         """
         axes = viewing_axes(azimuth, elevation)
         focal = 0.5 * min(width, height) / np.tan(0.5 * FIELD_OF_VIEW)
@@ -111,11 +106,8 @@ class Raster:
 def rasterise(camera: Camera, corners: Array) -> Raster:
     """Return the nearest triangle in each pixel.
 
-    Parameters
-    ----------
-    corners:
-        Triangles (m, 3, 3) [m]: triangle, corner, coordinate. Those that reach behind the camera
-        are left out.
+    ``corners``: triangles (m, 3, 3) [m]: triangle, corner, coordinate. Those that reach behind the
+    camera are left out.
     """
     pixels, depth = camera.project(corners.reshape(-1, 3))
     # The inverse depth of a flat triangle is linear in the picture, so it is interpolated exactly.

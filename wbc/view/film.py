@@ -99,28 +99,16 @@ def film_run(
 ) -> Path:
     """Write a film of a run, and return its path; the file appears whole or not at all.
 
-    Parameters
-    ----------
-    history:
-        As for :func:`wbc.view.plot_run`.
-    path:
-        A ``.gif``, or an ``.mp4`` where ffmpeg is installed.
-    fps:
-        Pictures per second, at most 50; a GIF, which counts in 0.01 s, has the nearest it can.
-    speed:
-        How much faster than the run the film is.
-    size:
-        Width and height [pixels]; made even.
-    terrain:
-        Of a simulation, what the robot stood on.
-    progress:
-        Called with pictures done and pictures in all.
+    ``history``: as for :func:`wbc.view.plot_run`.
+    ``path``: a ``.gif``, or an ``.mp4`` where ffmpeg is installed.
+    ``fps``: pictures per second, at most 50; a GIF, which counts in 0.01 s, has the nearest it can.
+    ``speed``: how much faster than the run the film is.
+    ``size``: width and height [pixels]; made even.
+    ``terrain``: of a simulation, what the robot stood on.
+    ``progress``: called with pictures done and pictures in all.
 
-    Raises
-    ------
-    InvalidInputError
-        Another ending, no such folder, numbers out of range, or what :func:`wbc.view.plot_run`
-        refuses.
+    Raises InvalidInputError: another ending, no such folder, numbers out of range, or what
+    :func:`wbc.view.plot_run` refuses.
     """
     run = read_history(robot, history, terrain)
     return write_film(

@@ -81,12 +81,8 @@ class DrawableRun:
     def pose(self, row: int, support: str | None = None, now: bool = False) -> Pose:
         """Return the pose to draw in a row.
 
-        Parameters
-        ----------
-        support:
-            What was held, if not that of the row.
-        now:
-            Targets are those of the row; else the last that there were.
+        ``support``: what was held, if not that of the row.
+        ``now``: targets are those of the row; else the last that there were.
         """
         if support is None and self.supports is not None:
             support = self.supports[row]
@@ -122,10 +118,8 @@ class DrawableRun:
 def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> DrawableRun:
     """Return the drawable data of a history, on a terrain.
 
-    Raises
-    ------
-    InvalidInputError
-        It is none, or empty, or its arrays do not fit together; or this is no robot.
+    Raises InvalidInputError: it is none, or empty, or its arrays do not fit together; or this is no
+    robot.
     """
     check_robot("history", robot)
     if any(not hasattr(history, name) for name in ("time", "q", "errors")):

@@ -52,20 +52,13 @@ class View:
     def of(cls, view_from: str = "front-left", show: str | Iterable[str] = "all") -> View:
         """Return the view that words describe.
 
-        Parameters
-        ----------
-        view_from:
-            A name such as ``left`` or ``top``, or azimuth and elevation in degrees: ``60,20``.
-        show:
-            ``all``, or names of layers with commas between; those that begin with ``no-`` are left
-            out of all.
+        ``view_from``: a name such as ``left`` or ``top``, or azimuth and elevation in degrees:
+        ``60,20``.
+        ``show``: ``all``, or names of layers with commas between; those that begin with ``no-`` are
+        left out of all.
 
-        Raises
-        ------
-        UnknownNameError
-            No such direction or layer.
-        InvalidInputError
-            An elevation that is not within 89 degrees of level.
+        Raises UnknownNameError: no such direction or layer; InvalidInputError: an elevation that is
+        not within 89 degrees of level.
         """
         azimuth, elevation = np.deg2rad(_direction(view_from)).tolist()
         return cls(azimuth, elevation, _layers(show))

@@ -229,14 +229,9 @@ def draw_pendulum(
 ) -> None:
     """Draw outlines, leg, ellipsoid with its axes, and the six masses on them (paper Fig. 5).
 
-    Parameters
-    ----------
-    size:
-        Of the pendulum's lines and marks.
-    widths:
-        Of the outlines on the ground and of the ellipsoid's [points].
-    sections:
-        True to draw the ellipsoid's principal sections.
+    ``size``: of the pendulum's lines and marks.
+    ``widths``: of the outlines on the ground and of the ellipsoid's [points].
+    ``sections``: True to draw the ellipsoid's principal sections.
     """
     centre, ellipsoid, foot = portrait.scene.centre, portrait.scene.ellipsoid, portrait.foot
     shows = portrait.view.shows

@@ -25,12 +25,9 @@ SIDES = ((0.0, "forwards"), (0.5 * np.pi, "left"), (np.pi, "back"), (1.5 * np.pi
 def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
     """Return a figure of maps of pushes side by side in parts of M omega d, and in N s.
 
-    Parameters
-    ----------
-    maps:
-        The second is drawn as a line into the plots of the first, and as dots in one of its own.
-    duration:
-        Of the pushes [s].
+    ``maps``: the second is drawn as a line into the plots of the first, and as dots in one of its
+    own.
+    ``duration``: of the pushes [s].
     """
     first = maps[0]
     count = len(maps) + 1

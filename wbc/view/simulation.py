@@ -42,19 +42,12 @@ def simulation_figure(
     is inside the soles. If the robot follows a plan, the plan's CoM beside the robot's, how far CoM
     and CoP are from it, and the angular momentum of both.
 
-    Parameters
-    ----------
-    arrays:
-        As ``wbc sim`` writes them, or :attr:`wbc.simulation.SimulationResult.arrays` has them.
-    terrain:
-        What the robot stood on, as :attr:`wbc.simulation.SimulationResult.terrain` has it.
+    ``arrays``: as ``wbc sim`` writes them, or :attr:`wbc.simulation.SimulationResult.arrays` has
+    them.
+    ``terrain``: what the robot stood on, as :attr:`wbc.simulation.SimulationResult.terrain` has it.
 
-    Raises
-    ------
-    InvalidInputError
-        Arrays that do not fit together.
-    ModelError
-        The robot's meshes cannot be read.
+    Raises InvalidInputError: arrays that do not fit together; ModelError: the robot's meshes cannot
+    be read.
     """
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)

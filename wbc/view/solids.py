@@ -22,15 +22,10 @@ FINEST, GROWTH = 1e-3, 1.25  # m of the first grid tried, and how much coarser t
 def solid_surface(shape: Shape, centre: Array, reach: float, ground: float) -> Triangles:
     """Return the triangles of a shape in its own frame.
 
-    Parameters
-    ----------
-    centre:
-        (3,) in that frame: a half-space, which has no end, is drawn as a square about the point of
-        its surface nearest to it.
-    reach:
-        Half the side of that square [m].
-    ground:
-        Lowest height of an upright wall [m], in that frame.
+    ``centre``: (3,) in that frame: a half-space, which has no end, is drawn as a square about the
+    point of its surface nearest to it.
+    ``reach``: half the side of that square [m].
+    ``ground``: lowest height of an upright wall [m], in that frame.
     """
     if isinstance(shape, HalfSpace):
         return _pane(shape, centre, reach, ground)

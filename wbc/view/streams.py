@@ -50,19 +50,11 @@ GLASS = (120, 150, 220, 90)
 class FoxgloveStream:
     """A WebSocket server for Foxglove; topics and messages are those of ``wbc export``.
 
-    Parameters
-    ----------
-    port:
-        That it listens at; 0 for any that is free.
-    host:
-        That it is reached by; only this machine by default.
+    ``port``: that it listens at; 0 for any that is free.
+    ``host``: that it is reached by; only this machine by default.
 
-    Raises
-    ------
-    MissingPackageError
-        foxglove-sdk is not installed.
-    InvalidInputError
-        The port cannot be had.
+    Raises MissingPackageError: foxglove-sdk is not installed; InvalidInputError: the port cannot be
+    had.
     """
 
     def __init__(self, robot: Robot, port: int = FOXGLOVE_PORT, host: str = "127.0.0.1") -> None:
@@ -104,18 +96,11 @@ class FoxgloveStream:
 class RerunStream:
     """Sends ticks to a Rerun viewer, or into a file of Rerun's.
 
-    Parameters
-    ----------
-    to:
-        A viewer (``rerun`` starts one that listens), as ``HOST``, ``HOST:PORT`` or an address such
-        as ``rerun+http://HOST:9876/proxy``; or a file ``*.rrd``.
+    ``to``: a viewer (``rerun`` starts one that listens), as ``HOST``, ``HOST:PORT`` or an address
+    such as ``rerun+http://HOST:9876/proxy``; or a file ``*.rrd``.
 
-    Raises
-    ------
-    MissingPackageError
-        rerun-sdk is not installed.
-    InvalidInputError
-        The file cannot be written, it is no address, or nobody listens there.
+    Raises MissingPackageError: rerun-sdk is not installed; InvalidInputError: the file cannot be
+    written, it is no address, or nobody listens there.
     """
 
     def __init__(self, robot: Robot, to: str = RERUN_URL) -> None:
@@ -187,10 +172,7 @@ class RerunStream:
     def close(self) -> None:
         """Send the queue, and end.
 
-        Raises
-        ------
-        WbcError
-            Not all was sent: nobody listens there, or the disk is full.
+        Raises WbcError: not all was sent: nobody listens there, or the disk is full.
         """
         try:
             if self._is_gone:
@@ -215,12 +197,8 @@ class RerunStream:
 def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:
     """Return the stream asked for: ``foxglove[:PORT]``, or ``rerun[:HOST:PORT or FILE.rrd]``.
 
-    Raises
-    ------
-    UnknownNameError, InvalidInputError
-        No such program; no port.
-    MissingPackageError
-        Its package is not installed.
+    Raises UnknownNameError, InvalidInputError: no such program; no port; MissingPackageError: its
+    package is not installed.
     """
     name, _, rest = wanted.partition(":")
     if name == "foxglove":

@@ -110,10 +110,7 @@ def literal(text: str) -> str:
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure to a file, png, svg or pdf by its suffix, and return its path.
 
-    Raises
-    ------
-    InvalidInputError
-        See :func:`picture_file`; or the system refuses to write it.
+    Raises InvalidInputError: see :func:`picture_file`; or the system refuses to write it.
     """
     path = picture_file(path)
     suffix = path.suffix.lower()

@@ -85,21 +85,11 @@ class _DdsEnd:
 class UnitreeBus(_DdsEnd):
     """The controller's end: reads LowState, writes LowCmd.
 
-    Parameters
-    ----------
-    profile, robot:
-        The robot on the bus, and its model.
-    interface:
-        Network interface, such as ``eth0``; ``lo`` is this machine.
-    domain:
-        Of DDS.
+    ``profile``, ``robot``: the robot on the bus, and its model.
+    ``interface``: network interface, such as ``eth0``; ``lo`` is this machine.
+    ``domain``: of DDS.
 
-    Raises
-    ------
-    MissingPackageError
-        cyclonedds is not installed.
-    BusError
-        No such interface.
+    Raises MissingPackageError: cyclonedds is not installed; BusError: no such interface.
     """
 
     def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:

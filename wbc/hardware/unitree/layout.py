@@ -129,19 +129,11 @@ LOW_STATE_GO = (
 class MessageLayout:
     """A message type: its fields and their offsets.
 
-    Parameters
-    ----------
-    typename:
-        In DDS.
-    fields:
-        In order.
-    motors:
-        The field with one entry for each motor.
+    ``typename``: in DDS.
+    ``fields``: in order.
+    ``motors``: the field with one entry for each motor.
 
-    Attributes
-    ----------
-    size, packed_size:
-        Of the CDR bytes, without the head; and of the C struct.
+    ``size``, ``packed_size``: of the CDR bytes, without the head; and of the C struct.
     """
 
     def __init__(self, typename: str, fields: tuple[Field, ...], motors: str) -> None:

@@ -104,10 +104,7 @@ class ObstacleSpec(Section):
     def build(self, name: str) -> Obstacle:
         """Return the obstacle in its own frame.
 
-        Raises
-        ------
-        Misplaced
-            No shape, or several.
+        Raises Misplaced: no shape, or several.
         """
         given = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(given) != 1:

@@ -120,10 +120,7 @@ class PlanPhaseSpec(Section):
     def build(self, name: str, limits: PathLimits, robot: RobotPendulum | None) -> PlanPhase:
         """Return the phase; ``limits`` are the plan's.
 
-        Raises
-        ------
-        WbcError
-            Numbers that contradict each other, or a foot that the robot does not have.
+        Raises WbcError: Numbers that contradict each other, or a foot that the robot does not have.
         """
         support: Any = self.support
         if isinstance(support, SolesSpec):
@@ -190,10 +187,7 @@ class PlanSpec(Section):
     ) -> Planning:
         """Return the planning problem, for a pendulum that may be a robot's.
 
-        Raises
-        ------
-        ProblemFileError
-            With every mistake found.
+        Raises ProblemFileError: with every mistake found.
         """
         given: dict[str, Any] = {"limits": PathLimits(), "schedule": ()}
         with mistakes.at("plan", "limits"):
@@ -224,20 +218,14 @@ class Planning:
     def solve(self) -> Plan:
         """Return the plan.
 
-        Raises
-        ------
-        PlanError
-            There is none; the error names what is in the way.
+        Raises PlanError: there is none; the error names what is in the way.
         """
         return solve(self.problem, iterations=self.iterations)
 
     def run(self, provenance: Mapping[str, Any]) -> PendulumResult:
         """Solve for a plan and return it, checked at twice the knots.
 
-        Raises
-        ------
-        PlanError
-            There is none; the error names what is in the way.
+        Raises PlanError: there is none; the error names what is in the way.
         """
         plan = self.solve()
         checked = check(plan)

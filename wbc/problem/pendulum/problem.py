@@ -45,18 +45,13 @@ class PendulumProblem:
     ) -> PendulumResult:
         """Simulate the law, or solve for the plan.
 
-        Parameters
-        ----------
-        progress:
-            Called from time to time with steps done, most steps, and a mapping with ``time`` [s].
-            The planner does not call it, as its number of iterations is not known in advance.
-        cancelled:
-            Called before each step; True ends the simulation. The planner does not call it.
+        ``progress``: called from time to time with steps done, most steps, and a mapping with
+        ``time`` [s]. The planner does not call it, as its number of iterations is not known in
+        advance.
+        ``cancelled``: called before each step; True ends the simulation. The planner does not call
+        it.
 
-        Raises
-        ------
-        PlanError
-            There is no plan; the error names what is in the way.
+        Raises PlanError: there is no plan; the error names what is in the way.
         """
         provenance = {"problem": self.provenance(), "versions": versions()}
         if isinstance(self.parts, Planning):

@@ -136,10 +136,7 @@ class PendulumResult:
     def to_frame(self) -> Frame:
         """Return the motion as a pandas data frame: a row per time, the columns of a table.
 
-        Raises
-        ------
-        MissingPackageError
-            pandas is not installed.
+        Raises MissingPackageError: pandas is not installed.
         """
         return frame_of(self._columns())
 
@@ -197,10 +194,7 @@ def pendulum_of(
 ) -> SavedPendulum:
     """Return the motion from a file's arrays.
 
-    Raises
-    ------
-    InvalidInputError
-        Arrays are missing or do not fit together.
+    Raises InvalidInputError: arrays are missing or do not fit together.
     """
     needed = [each.name for each in fields(PendulumHistory) if each.name != "supports"]
     missing = [name for name in (*needed, "support_times") if name not in arrays]

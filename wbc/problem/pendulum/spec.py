@@ -86,11 +86,8 @@ class PendulumStartSpec(Section):
     def state(self, model: PlanarRmp | SolidRmp) -> tuple[Array, Array]:
         """Return (q, v) of a pendulum.
 
-        Raises
-        ------
-        Misplaced
-            A key of the other kind of pendulum, neither or both of inertia and radii, or moments of
-            inertia that no masses can have.
+        Raises Misplaced: a key of the other kind of pendulum, neither or both of inertia and radii,
+        or moments of inertia that no masses can have.
         """
         given = {"inertia": self.inertia, "radii": self.radii}
         found = {key: value for key, value in given.items() if value is not None}

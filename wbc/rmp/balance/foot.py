@@ -303,16 +303,11 @@ def acceleration_range(
     limit the motion is full speed, then full brake. A coordinate already out of its limits, or too
     fast for them, is brought back with ``overdemand`` times the strength, not in one tick.
 
-    Parameters
-    ----------
-    position, rate:
-        (n,), of any unit and its rate.
-    limits:
-        (lower, upper); an infinite one does not limit.
-    strength:
-        Greatest deceleration of a motion (downward, upward), > 0, (n,) or a number.
-    overdemand:
-        1 for limits that must be within reach; more where a slack shows what the brake lacks.
+    ``position``, ``rate``: (n,), of any unit and its rate.
+    ``limits``: (lower, upper); an infinite one does not limit.
+    ``strength``: greatest deceleration of a motion (downward, upward), > 0, (n,) or a number.
+    ``overdemand``: 1 for limits that must be within reach; more where a slack shows what the brake
+    lacks.
     """
     (lower, upper), (down, up) = limits, strength
     greatest = (

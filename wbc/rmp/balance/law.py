@@ -143,8 +143,5 @@ class BalanceLaw(Protocol):
     def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the command at configuration q (nq,), velocity v (nv,) and time [s].
 
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes or not finite.
+        Raises InvalidInputError: wrong sizes or not finite.
         """

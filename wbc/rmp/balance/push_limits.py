@@ -49,10 +49,7 @@ _AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
 class Wheel:
     """A reaction mass with one motor for each horizontal axis, and the greatest that it can do.
 
-    Raises
-    ------
-    InvalidInputError
-        A number that is not positive, or a torque that is not finite.
+    Raises InvalidInputError: a number that is not positive, or a torque that is not finite.
     """
 
     inertia: ArrayLike  # about x and y (2,) [kg m^2]; one number for both

@@ -44,19 +44,11 @@ class SoonestPairs(NamedTuple):
 class NativePairs:
     """Pairs of bodies as the core reads them, at the present poses of those that are moved.
 
-    Parameters
-    ----------
-    pairs:
-        (N, 2) indices of bodies; a half-space is the second of its pair.
-    parents:
-        Of each joint; parents precede their children.
+    ``pairs``: (N, 2) indices of bodies; a half-space is the second of its pair.
+    ``parents``: of each joint; parents precede their children.
 
-    Attributes
-    ----------
-    counts:
-        Of bodies and of pairs.
-    arrays:
-        By the names of ``wbc_pairs`` in source/core.h.
+    ``counts``: of bodies and of pairs.
+    ``arrays``: by the names of ``wbc_pairs`` in source/core.h.
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index, parents: Sequence[int]) -> None:
@@ -167,12 +159,8 @@ class NativePairs:
 
         With distance, normal and point (k, 7), as of :meth:`nearest`.
 
-        Parameters
-        ----------
-        states:
-            (n, size), one state a row, finite.
-        kept:
-            (N,) [m].
+        ``states``: (n, size), one state a row, finite.
+        ``kept``: (N,) [m].
         """
         bodies, pairs = self.counts
         scratch, struct = np.empty(9 * bodies + pairs), self.struct(tree)
@@ -189,10 +177,8 @@ class NativePairs:
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
 
-        Parameters
-        ----------
-        normal, point:
-            (3, k): unit vectors from the second body to the first, and points on the first.
+        ``normal``, ``point``: (3, k): unit vectors from the second body to the first, and points on
+        the first.
         """
         tree, out = state.tree, np.empty((len(pairs), state.tree.nv))
         struct = self.struct(tree)

@@ -64,21 +64,12 @@ def select_pairs(
     ``clearance`` and a millimetre, or almost always touching, get finer ones: see
     :mod:`wbc.robot.collision.refine`.
 
-    Parameters
-    ----------
-    include, exclude:
-        Two names or patterns of links each, such as ``("left_wrist*", "torso*")``, in any order.
-    clearance:
-        Distance to be kept [m].
+    ``include``, ``exclude``: two names or patterns of links each, such as ``("left_wrist*",
+    "torso*")``, in any order.
+    ``clearance``: distance to be kept [m].
 
-    Raises
-    ------
-    UnknownNameError
-        A pattern that matches no link.
-    InvalidInputError
-        What is to be included or excluded is no list of pairs.
-    ModelError
-        The SRDF cannot be read.
+    Raises UnknownNameError: a pattern that matches no link; InvalidInputError: what is to be
+    included or excluded is no list of pairs; ModelError: the SRDF cannot be read.
     """
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")

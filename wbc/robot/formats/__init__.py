@@ -22,24 +22,15 @@ def read_description(
 ) -> Description:
     """Return what a URDF, an MJCF or a MuJoCo model describes, with a free-flyer at its root.
 
-    Parameters
-    ----------
-    path:
-        The file; the root element tells the format, not the file's name.
-    package_dirs:
-        Folders that hold the packages of ``package://NAME/...`` mesh names. The folders above
-        ``path`` and those of the environment variables ``ROS_PACKAGE_PATH`` and
-        ``AMENT_PREFIX_PATH`` (ROS 2; ``share`` in each) are searched as well.
-    given:
-        In place of a file: XML text, an ``MjSpec`` or an ``MjModel``; ``path`` is what messages
-        call it.
+    ``path``: the file; the root element tells the format, not the file's name.
+    ``package_dirs``: folders that hold the packages of ``package://NAME/...`` mesh names. The
+    folders above ``path`` and those of the environment variables ``ROS_PACKAGE_PATH`` and
+    ``AMENT_PREFIX_PATH`` (ROS 2; ``share`` in each) are searched as well.
+    ``given``: in place of a file: XML text, an ``MjSpec`` or an ``MjModel``; ``path`` is what
+    messages call it.
 
-    Raises
-    ------
-    MissingPackageError
-        MJCF, and MuJoCo is not installed.
-    ModelError
-        File missing or unreadable, broken XML, another format, or something unsupported in it.
+    Raises MissingPackageError: MJCF, and MuJoCo is not installed; ModelError: file missing or
+    unreadable, broken XML, another format, or something unsupported in it.
     """
     if given is not None and not isinstance(given, str):
         return read_mjcf(given, path)

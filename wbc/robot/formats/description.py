@@ -104,10 +104,7 @@ class GeometrySource(Protocol):
     def content(self) -> Iterable[bytes]:
         """Yield all data of the shapes: the text, the bytes of each mesh file.
 
-        Raises
-        ------
-        OSError
-            A mesh cannot be read.
+        Raises OSError: a mesh cannot be read.
         """
         ...
 

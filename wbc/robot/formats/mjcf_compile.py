@@ -47,21 +47,12 @@ def is_mujoco(source: object, kind: str) -> bool:
 def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Compiled:
     """Return the compiled model of a file, of XML text, or of what MuJoCo made already.
 
-    Parameters
-    ----------
-    source:
-        The file's path, its text, an ``MjSpec`` (which is not changed) or an ``MjModel``.
-    path:
-        What messages call it.
-    root:
-        The document, if it was read; its numbers are looked at first.
+    ``source``: the file's path, its text, an ``MjSpec`` (which is not changed) or an ``MjModel``.
+    ``path``: what messages call it.
+    ``root``: the document, if it was read; its numbers are looked at first.
 
-    Raises
-    ------
-    MissingPackageError
-        MuJoCo is not installed.
-    ModelError
-        MuJoCo refuses it; the message says what MuJoCo says.
+    Raises MissingPackageError: MuJoCo is not installed; ModelError: MuJoCo refuses it; the message
+    says what MuJoCo says.
     """
     require("mujoco", "reading MJCF")
     import mujoco

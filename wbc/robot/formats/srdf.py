@@ -61,17 +61,11 @@ class Semantics:
 def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     """Return what an SRDF says.
 
-    Parameters
-    ----------
-    model:
-        The robot, to tell of which joints a value may be (cos, sin); None: of any. And which links
-        there are.
+    ``model``: the robot, to tell of which joints a value may be (cos, sin); None: of any. And which
+    links there are.
 
-    Raises
-    ------
-    ModelError
-        Not a readable SRDF, a value that is no configuration of its joint, or a pair of links of
-        which one is missing.
+    Raises ModelError: not a readable SRDF, a value that is no configuration of its joint, or a pair
+    of links of which one is missing.
     """
     root = read_xml(path)
     if root.tag != "robot":

@@ -121,10 +121,7 @@ def numbers(
     The attribute is rewritten with single spaces: with others the parser below Pinocchio drops the
     element, or the whole link or robot.
 
-    Raises
-    ------
-    ModelError
-        The attribute is missing, or does not hold exactly so many such numbers.
+    Raises ModelError: the attribute is missing, or does not hold exactly so many such numbers.
     """
     text = element.get(key)
     if text is None:

@@ -26,19 +26,11 @@ class Following:
 
     A robot that stands about the world's origin leaves the view as it is without following.
 
-    Parameters
-    ----------
-    size:
-        Of the robot [m].
-    terrain:
-        The point is on its plane, below its steps.
-    changed:
-        Called when the user has changed the box.
+    ``size``: of the robot [m].
+    ``terrain``: the point is on its plane, below its steps.
+    ``changed``: called when the user has changed the box.
 
-    Attributes
-    ----------
-    point:
-        (3,) [m], world axes; where it was when the box is not ticked.
+    ``point``: (3,) [m], world axes; where it was when the box is not ticked.
     """
 
     def __init__(

@@ -15,17 +15,10 @@ MOST_DELAY = 0.1  # s: a loop that is later does not catch up
 class Clock:
     """The pace of a loop that the user can pause.
 
-    Parameters
-    ----------
-    speed:
-        Times real time; 0: as fast as can be.
+    ``speed``: times real time; 0: as fast as can be.
 
-    Attributes
-    ----------
-    playing:
-        Whether ticks follow each other.
-    restart:
-        Whether the user wants to begin again.
+    ``playing``: whether ticks follow each other.
+    ``restart``: whether the user wants to begin again.
     """
 
     def __init__(self, speed: float = 1.0) -> None:

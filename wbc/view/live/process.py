@@ -111,10 +111,7 @@ class PageProcess:
     def send(self, message: object) -> None:
         """Send a message; waits while the pipe is full.
 
-        Raises
-        ------
-        OSError
-            The page has ended.
+        Raises OSError: the page has ended.
         """
         self._pipe.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
 

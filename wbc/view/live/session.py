@@ -28,15 +28,9 @@ class Session:
     The loop goes on when the problem's time is over: its controller holds what it has reached and
     follows what the user drags.
 
-    Parameters
-    ----------
-    problem:
-        See :func:`checked`.
+    ``problem``: see :func:`checked`.
 
-    Attributes
-    ----------
-    ticks:
-        How many there were.
+    ``ticks``: how many there were.
     """
 
     def __init__(self, problem: Problem, viewer: Viewer, clock: Clock | None = None) -> None:

@@ -39,14 +39,9 @@ class Follower(NamedTuple):
 class Sliders:
     """The sliders of the present tasks, in a tab of the page.
 
-    Parameters
-    ----------
-    tab:
-        Context that GUI elements are put into.
-    send:
-        Called with what the user wants.
-    size:
-        The robot's [m].
+    ``tab``: context that GUI elements are put into.
+    ``send``: called with what the user wants.
+    ``size``: the robot's [m].
     """
 
     def __init__(self, gui: GuiApi, tab: Any, send: Callable[[Request], None], size: float) -> None:

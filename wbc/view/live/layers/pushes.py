@@ -75,14 +75,9 @@ class Grip:
     A spring pulls the grabbed point towards the pointer, in the plane through the point that faces
     the camera. It is as stiff as makes the arrow of its force end at the pointer.
 
-    Parameters
-    ----------
-    size:
-        Of the robot [m].
-    links:
-        Name of the link, and the node, of each shape that can be grabbed.
-    send:
-        Told of each drag, by :class:`PullRobot`, and of its end, by :class:`ReleasePull`.
+    ``size``: of the robot [m].
+    ``links``: name of the link, and the node, of each shape that can be grabbed.
+    ``send``: told of each drag, by :class:`PullRobot`, and of its end, by :class:`ReleasePull`.
     """
 
     def __init__(

@@ -21,12 +21,8 @@ PALE = 0.92  # largest brightness of a shape: shading would not show on white
 class RobotShapes:
     """The shapes of a robot in the frames of their joints.
 
-    Attributes
-    ----------
-    shapes:
-        Index of the joint, and the mesh in its frame.
-    note:
-        Which shapes replace the visual ones, and why; empty if none do.
+    ``shapes``: index of the joint, and the mesh in its frame.
+    ``note``: which shapes replace the visual ones, and why; empty if none do.
     """
 
     def __init__(self, robot: Robot) -> None:
