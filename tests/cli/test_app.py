@@ -1,4 +1,4 @@
-"""The command line as a user meets it: output, exit codes, and errors on one line."""
+"""The command line as a user meets it: output, exit codes, errors on one line; doctor and cache."""
 
 import json
 import os
@@ -16,8 +16,9 @@ from tests.failing_ticks import let_ticks_fail
 from tests.urdf import arm_of_one_joint, limit
 from wbc.cli import app, progress
 from wbc.errors import ModelError
+from wbc.files import CACHE_VARIABLE
 from wbc.problem import History
-from wbc.robot import robot_names
+from wbc.robot import kernel, robot_names
 from wbc.robot.packages import menagerie_names
 from wbc.view.options import View
 
@@ -452,3 +453,38 @@ def test_a_problem_is_no_campaign(file: Path) -> None:
     pytest.importorskip("pyarrow")
     told = refused("batch", file)
     assert "is a problem, not a campaign of problems: wbc run" in told and "\n" not in told
+
+
+def test_versions_the_core_and_its_distance_from_pinocchio_are_said() -> None:
+    answer = wbc_command("doctor")
+    assert answer.exit_code == 0, answer.output
+    assert "cffi " in answer.output and "pin 4" in answer.output
+    assert re.search(r"core: \S*_core\S*\.so", answer.output)
+    apart = re.search(r"against Pinocchio on hoap2_like: (\S+)", answer.output)
+    assert apart is not None and 0.0 < float(apart[1]) < 1e-11  # rounding, of sums in another order
+
+
+def test_a_core_that_is_wrong_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = kernel._body
+    monkeypatch.setattr(kernel, "_body", lambda inertia: right(inertia) * (1 + 1e-3))
+    answer = wbc_command("doctor")
+    assert answer.exit_code == 1
+    assert "'hoap2_like': the compiled core and Pinocchio" in " ".join(answer.stderr.split())
+
+
+@pytest.mark.slow
+def test_what_is_kept_is_told_and_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    robot = wbc.Robot.load("hoap2_like")
+    wbc.SelfCollision(robot)
+    kept = [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert kept
+    (tmp_path / "mine.txt").write_text("not of the package")
+    told = wbc_command("cache")
+    assert told.exit_code == 0 and "MB kept" in told.output and str(tmp_path) in told.output
+    assert all(file.exists() for file in kept)
+    assert "MB deleted" in wbc_command("cache", "--clear").output
+    assert not any(file.exists() for file in kept) and (tmp_path / "mine.txt").exists()
+    wbc.SelfCollision(robot)  # made again
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
+    assert "nothing is kept" in wbc_command("cache", "--clear").output

@@ -1,11 +1,16 @@
-"""Limits hold whatever levels, margins and look-ahead do, and nothing outside them is commanded."""
+"""Limits hold whatever levels, margins and deadlines do; controllers leave no circular garbage."""
+
+import gc
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from wbc.constraints import Limits, PositionBox, support
-from wbc.controllers import KinematicController
+import wbc
+from tests.controllers.test_look_ahead import Slow, moving
+from wbc.constraints import FrictionCone, Limits, PositionBox, SelfCollision, support
+from wbc.controllers import KinematicController, TorqueController
+from wbc.controllers.look_ahead import CUTS
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Solution, Status
@@ -135,3 +140,85 @@ def test_without_limits_nothing_is_commanded_that_no_state_may_have(
         assert "beyond 1e+06, which no state may have" in tick.report()
         assert np.abs(tick.velocity).max() <= 1e6
         g1.snapshot(g1.integrate(here.q, tick.velocity, 1e-6), tick.velocity)
+
+
+AT_ONCE = 1e-9  # s
+
+
+def test_ticks_of_one_attempt_lack_nothing(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    tasks = [ComTask(hoap2, here.com + 0.01), PostureTask(hoap2, here.q, priority=1)]
+    for kind in (KinematicController, TorqueController):
+        parts = {"contacts": support(here, "double"), "constraints": [SelfCollision(hoap2)]}
+        free, late = (
+            kind(hoap2, tasks, limits=Limits(hoap2), deadline=deadline, **parts).step(here)
+            for deadline in (None, AT_ONCE)
+        )
+        assert late.ok and late.left_out == () and late.report() == "solved"
+        np.testing.assert_array_equal(late.velocity, free.velocity)
+
+
+def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(hoap2) -> None:
+    """All of the step would break the margin; a quarter, which needs no QP, does not."""
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    ticks = []
+    for deadline in (None, 60.0, AT_ONCE):
+        constraint = Slow(hoap2, 0.5, useful=True)
+        constraint.start = here.q
+        control = moving(hoap2, constraint, "left_elbow_pitch", deadline=deadline)
+        tick = control.step(here)
+        lower, upper = control.limits.box(here, control.dt)
+        assert tick.ok and (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
+        assert np.abs(tick.velocity).max() <= 0.5 + 1e-6
+        ticks.append(tick)
+    *free, late = ticks
+    assert all(tick.left_out == () and tick.step_scale == 1.0 for tick in free)
+    assert late.left_out == (CUTS,) and 0.0 < late.step_scale < 1.0
+    assert late.report() == f"solved, but left out: {CUTS}"
+
+
+def test_torque_ticks_give_way_in_time(hoap2) -> None:
+    """What is relaxed once the deadline is over keeps physics and torque bounds all the same."""
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    contacts = support(here, "double", friction=FrictionCone(least=10.0 * hoap2.weight))
+    control = TorqueController(
+        hoap2, [PostureTask(hoap2, here.q)], contacts=contacts, limits=Limits(hoap2),
+        force_ramp=0.0, deadline=AT_ONCE,
+    )  # fmt: skip
+    tick = control.step(here)
+    assert tick.policy == "relax" and np.isfinite(tick.velocity).all()
+    assert (np.abs(tick.torque) <= control.torque_bounds).all()
+    assert "not everything could be kept" in tick.report()
+    assert tick.conflict is not None or tick.left_out
+
+
+@pytest.mark.parametrize("level", [wbc.KinematicController, wbc.TorqueController])
+def test_ticks_and_changes_of_contacts_leave_none(
+    hoap2: Robot, level: type[wbc.Controller]
+) -> None:
+    """Loops run without a collector: plans of a G1's walk kept each other alive, 1.8 MB a second."""
+    now = hoap2.snapshot(hoap2.posture("standing"))
+    tasks = [wbc.ComTask(hoap2, now.com), wbc.PostureTask(hoap2, now.q, weight=0.1)]
+    both, left = wbc.support(now, "double"), wbc.support(now, "left")
+    controller = level(
+        hoap2,
+        tasks,
+        contacts=both,
+        limits=wbc.Limits(hoap2),
+        constraints=[wbc.SelfCollision(hoap2, margin=0.005)],
+    )
+
+    def ticks(count: int) -> None:
+        for k in range(count):
+            controller.set_contacts(left if k % 2 else both)
+            tasks[0].weight = 10.0 + k
+            controller.step(hoap2.snapshot(now.q, 0.01 * k * now.v)).report()
+
+    ticks(4)
+    gc.collect()
+    gc.disable()
+    try:
+        ticks(10)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

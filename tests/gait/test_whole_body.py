@@ -1,19 +1,23 @@
-"""What a walking robot's tasks give each other when not all of them can be had."""
+"""What a walking robot's tasks give each other when not all can be had; what is known of legs."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import cast
 
 import numpy as np
 import pytest
 
+from tests.conftest import load
+from tests.urdf import drawn_along, on_both_legs
 from wbc.constraints import Limits
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.errors import InvalidInputError
 from wbc.gait.legs import Legs
 from wbc.gait.swing import FootPose
 from wbc.gait.walker import FRICTION
 from wbc.gait.whole_body import REFERENCE_HIPS, WalkingWeights, WholeBody
 from wbc.robot import Robot, Snapshot
+from wbc.robot.chains import leg_joints
 from wbc.validate import Array
 
 Load = Callable[[str], Robot]
@@ -94,3 +98,24 @@ def test_a_foot_that_hurries_leaves_the_pressure_where_it_is_wanted(
     assert (off < 0.3 * half).all()
     foot = start.jacobian(robot.feet["right"].frame)[0] @ tick.acceleration
     assert foot > 0.92 * 60.0
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1"])
+def test_legs_are_measured_wherever_joints_are_drawn_along_their_axes(name: str) -> None:
+    """The same mechanism with other origins: one was refused, for hips too near its ankles."""
+    text, rng = load(name).path.read_text(), np.random.default_rng(1)
+    robot = Robot.load(text, base="floating")
+    joints = [robot.model.names[joint] for foot in robot.feet for joint in leg_joints(robot, foot)]
+    shifts = dict(zip(joints, rng.uniform(-0.1, 0.1, len(joints)).tolist(), strict=True))
+    moved = Robot.load(drawn_along(text, shifts), base="floating")
+    masses = [one.snapshot(one.posture("standing")).mass_matrix for one in (robot, moved)]
+    np.testing.assert_allclose(*masses, atol=1e-9)
+    np.testing.assert_allclose(astuple(Legs.of(moved)), astuple(Legs.of(robot)), rtol=1e-6)
+
+
+def test_knees_that_lift_no_foot_are_refused(hoap2: Robot) -> None:
+    text = on_both_legs(
+        hoap2.path.read_text(), r'(_knee_pitch".*?<limit [^/]*?upper=")[^"]*', r"\g<1>0.05"
+    )
+    with pytest.raises(InvalidInputError, match="left_knee_pitch, does not shorten it to 80 % of"):
+        Legs.of(Robot.load(text))

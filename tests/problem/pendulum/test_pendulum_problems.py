@@ -1,14 +1,19 @@
-"""The pendulum's problems that ship: each does what it is there for."""
+"""The pendulum's problems that ship do what they are for; mistakes are answered with their line."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
+from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
+from wbc.problem.pendulum.plan import Planning
 from wbc.problem.pendulum.problem import PendulumProblem
 from wbc.problem.pendulum.result import PendulumStatus
-from wbc.rmp.plan import load_plan
+from wbc.rmp.plan import Plan, PlanError, Stats, check, load_plan
+from wbc.rmp.plan.planner import first_guess
+from wbc.rmp.plan.transcription import transcribe
 from wbc.view import plot_pendulum
 
 FOLDER = Path(__file__).parents[3] / "problems"
@@ -147,3 +152,140 @@ def test_goal_is_where_the_law_wants_the_leg() -> None:
     # It starts upright, and ends with the CoM where it should rest.
     assert moved.measures["worst_leg"] == pytest.approx(np.arctan(np.hypot(0.03, 0.02) / 0.7), 1e-3)
     np.testing.assert_allclose(moved.history.com[-1], (0.03, 0.02, 0.7), atol=1e-3)
+
+
+LAW = """# A lean.
+model: rmp_planar
+mass: 35.0
+start: {leg_length: 0.7, radii: 0.25, theta: 1.5}
+bounds: {wheel_torque: 60.0}
+law: {type: static_lean, angle: 1.5}
+stop: {duration: 0.1}
+"""
+PLAN = """# A hop.
+model: rmp_solid
+mass: 30.0
+plan:
+  start: {com: [0, 0, 0.75], com_velocity: [0, 0, 0], rotation: [0, 0, 0], momentum: [0, 0, 0],
+          radii: [0.2, 0.2, 0.2], radii_rates: [0, 0, 0]}
+  goal: {com: [0, 0, 0.75], com_velocity: [0, 0, 0]}
+  schedule:
+    push: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}, intervals: 4}
+    fly: {duration: 0.3, support: flight, intervals: 4}
+    land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}, intervals: 4}
+  limits: {leg_length: [0.4, 0.9], normal_force: [10.0, 2000.0], friction: 0.7}
+"""
+
+# What is written, what replaces it, and what the message says.
+MISTAKES = {
+    "unknown model": (LAW, "rmp_planar", "rmp_flat", "p.yaml:2: model"),
+    "unknown law": (LAW, "static_lean", "static_learn",
+                    "p.yaml:6: law.type: 'static_learn' does not exist; did you mean"),
+    "unknown key": (LAW, "wheel_torque", "wheel_torqe", "did you mean 'wheel_torque'"),
+    "negative mass": (LAW, "mass: 35.0", "mass: -1.0", "p.yaml:3: mass"),
+    "no leg": (LAW, "leg_length: 0.7", "leg_length: 0.0", "p.yaml:4: start.leg_length"),
+    "not a number": (LAW, "radii: 0.25", "radii: .nan", "p.yaml:4: start.radii"),
+    "three radii in a plane": (LAW, "radii: 0.25", "radii: [1, 1, 1]", "start.radii: a planar"),
+    "both sizes": (LAW, "radii: 0.25", "radii: 0.25, inertia: 2.0", "inertia or radii"),
+    "leans too far": (LAW, "angle: 1.5", "angle: 1.0", "p.yaml:6: law: angle: to lean at"),
+    "solid law": (LAW, "static_lean, angle: 1.5", "stabiliser", "needs a solid pendulum"),
+    "law and plan": (LAW, "stop: {duration: 0.1}", "plan: {start: {}, schedule: {a: {duration: 1,"
+                     " support: flight}}}", "law (to simulate) or plan"),
+    "broken triangle": (
+        LAW.replace("rmp_planar", "rmp_solid").replace("static_lean, angle: 1.5", "stabiliser"),
+        "radii: 0.25", "inertia: [5.0, 1.0, 1.0]", "start.inertia: moments"),
+    "spin out of reach": (
+        LAW.replace("radii: 0.25", "radii: 0.25, rates: {spin: 1.0}"),
+        "static_lean, angle: 1.5", "spin, spin: 1e6", "out of reach"),
+    "no spin wanted": (
+        LAW.replace("radii: 0.25", "radii: 0.25, rates: {spin: 1.0}"),
+        "static_lean, angle: 1.5", "spin, spin: 0.0", "p.yaml:6: law: spin: 0 rad/s"),
+    "no inertia": (LAW, "radii: 0.25", "radii: 0.0", "p.yaml:4: start: q: at r = 0"),
+    "hardly any": (LAW, "radii: 0.25", "radii: 1e-300", "p.yaml:4: start: q: at r = 1e-300"),
+    "solid key": (LAW, "theta: 1.5", "phi: 0.0", "p.yaml:4: start.phi: only a solid"),
+    "solid rate": (LAW, "theta: 1.5", "rates: {phi: 0.0}", "start.rates.phi: only a solid"),
+    "solid foot": (LAW, "wheel_torque: 60.0", "polygon: [[0, 0], [1, 0], [0, 1]]",
+                   "p.yaml:5: bounds: bounds: polygon of a PlanarRmp must be"),
+    "solid push": (LAW, "stop:", "pushes: [{time: 0.0, impulse: [1, 0, 0]}]\nstop:",
+                   "p.yaml:7: pushes[0]: the impulse at 0 s: expected shape (2,)"),
+    "late push": (LAW, "stop:", "pushes: [{time: 0.1, impulse: [1, 0]}]\nstop:",
+                  "p.yaml:7: pushes[0]: the push at 0.1 s is not before the end"),
+    "no step": (LAW, "duration: 0.1", "duration: 1e-4", "p.yaml:7: stop: duration"),
+    "endless": (LAW, "duration: 0.1", "duration: 1e9", "p.yaml:7: stop: duration"),
+    "friction of a pivot": (
+        LAW.replace("static_lean, angle: 1.5", "swing_up"), "wheel_torque: 60.0",
+        "wheel_torque: 60.0, friction: 0.5", "p.yaml:5: bounds.friction: a swing_up has its foot"),
+    "another law's tolerance": (LAW, "duration: 0.1", "duration: 0.1, accept: {spin: 1.0}",
+                                "p.yaml:7: stop.accept.spin: only a law of type spin"),
+    "two flights": (PLAN, "fly: {", "up: {duration: 0.1, support: flight}\n    fly: {",
+                    "'up' and 'fly' are one flight"),
+    "negative duration": (PLAN, "push: {duration: 0.5", "push: {duration: -0.5",
+                          "p.yaml:9: plan.schedule.push.duration"),
+    "crossed durations": (PLAN, "fly: {duration: 0.3", "fly: {duration: [0.4, 0.3]", "crossed"),
+    "not convex": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                   "land: {duration: 0.5, support: [[0, 0], [1, 0], [0.1, 0.1], [0, 1]]",
+                   "p.yaml:11: plan.schedule.land"),
+    "negative radius": (PLAN, "radii: [0.2, 0.2, 0.2]", "radii: [0.2, -0.2, 0.2]",
+                        "plan.start: state: radii must be positive"),
+    "impossible inertia": (PLAN, "radii: [0.2, 0.2, 0.2]", "inertia: [5.0, 1.0, 1.0]",
+                           "triangle inequality"),
+    "start out of reach": (PLAN, "start: {com: [0", "start: {com: [2", "no CoP is possible"),
+    "limits crossed": (PLAN, "leg_length: [0.4, 0.9]", "leg_length: [0.9, 0.4]",
+                       "p.yaml:12: plan.limits"),
+    "sole without a width": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                             "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0]}",
+                             "p.yaml:11: plan.schedule.land.support.size[1]: must be at least"),
+    "misspelt sole": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size:",
+                      "land: {duration: 0.5, support: {at: [0, 0], siez:",
+                      "p.yaml:11: plan.schedule.land.support.siez: unknown key; did you mean"),
+    # absurd numbers: once a ZeroDivisionError, OverflowError or RuntimeError of the planner
+    "no mass": (PLAN, "mass: 30.0", "mass: 1e-300", "p.yaml:3: mass: must be at least 1e-09"),
+    "no gravity": (PLAN, "mass: 30.0", "mass: 30.0\ngravity: 5e-324",
+                   "gravity: 4.94066e-324 is out of all proportion; use SI units, 1e-09 to 1e+09"),
+    "no time": (PLAN, "fly: {duration: 0.3", "fly: {duration: 5e-324",
+                "p.yaml:10: plan.schedule.fly.duration: must be at least 1e-09"),
+    "limit without size": (PLAN, "friction: 0.7", "friction: 1e-320",
+                           "limits: friction: 9.99989e-321 is out of all proportion"),
+    "limit beyond all": (PLAN, "normal_force: [10.0, 2000.0]", "normal_force: [1e300, 1e308]",
+                         "limits: normal_force: 1e+300 is out of all proportion"),
+    "support without size": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                             "land: {duration: 0.5, support: [[0, 0], [1e-300, 0]]",
+                             "p.yaml:11: plan.schedule.land: phase 'land': support: corners"),
+    "law's key with a plan": (PLAN, "plan:", "bounds: {}\nplan:", "belongs to a law"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_one_typed_error_that_says_where(name: str, tmp_path: Path) -> None:
+    text, old, new, said = MISTAKES[name]
+    assert old in text
+    with pytest.raises(ProblemFileError) as caught:
+        problem_of(tmp_path, text.replace(old, new, 1))
+    assert said in str(caught.value)
+
+
+def test_the_examples_themselves_are_valid(tmp_path: Path) -> None:
+    for text in (LAW, PLAN):
+        assert problem_of(tmp_path, text).run().status.good
+
+
+@pytest.mark.slow
+def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match="exceeds its limit by") as caught:
+        problem_of(tmp_path, PLAN.replace("fly: {duration: 0.3", "fly: {duration: 2.0")).run()
+    assert isinstance(caught.value, WbcError)
+    # Two seconds of flight take a take-off at 10 m/s within half a second and half a metre of leg.
+    assert any(each.quantity.startswith("leg_length") for each in caught.value.violations)
+
+
+@pytest.mark.slow
+def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
+    """At 10^6 turns a second no integration gets from one knot to the next."""
+    problem = problem_of(tmp_path, PLAN.replace("momentum: [0, 0, 0]", "momentum: [1.0e+7, 0, 0]"))
+    assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
+    guess = first_guess(transcribe(problem.parts.problem))
+    duals = np.zeros(len(guess)), np.zeros(1)
+    plan = Plan(problem.parts.problem, guess, duals, Stats(1, 1, 1, 0.0, 0.0, "", False))
+    checked = check(plan)
+    assert checked.defect == np.inf
+    assert not checked.ok

@@ -1,10 +1,14 @@
-"""The page without a browser: its scene, its panel and the recording that it looks back in."""
+"""The page without a browser: its scene, panel, recording, title; foreign pages are refused."""
 
+import gzip
 import threading
 from dataclasses import replace
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
+from websockets.datastructures import Headers
+from websockets.exceptions import InvalidStatus
 
 import wbc
 from tests.urdf import stone
@@ -14,6 +18,8 @@ from wbc.rmp.ellipsoid import equimomental
 from wbc.view.live.collect import tick_info
 from wbc.view.live.controls import Recording
 from wbc.view.live.messages import Frame
+from wbc.view.live.process import HOST, page_address
+from wbc.view.live.server import Server, refusal
 
 
 @pytest.fixture(scope="module")
@@ -215,3 +221,62 @@ def test_a_long_recording_keeps_its_span_and_its_end() -> None:
     assert len(kept) <= 100
     assert kept.span == (0.0, times[-1])
     assert [time_at(kept, t) for t in times[-50:]] == times[-50:]
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://localhost:1"])
+def test_foreign_pages_are_refused(stage: Stage, origin: str) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        client_of(stage.url, origin)
+    assert refused.value.response.status_code == 403
+
+
+def test_the_page_itself_and_programs_are_not(stage: Stage) -> None:
+    for origin in (stage.url, None):
+        with client_of(stage.url, origin) as client:
+            assert client.recv(timeout=20.0)
+
+
+@pytest.mark.parametrize(
+    ("host", "address", "origin", "refused"),
+    [
+        ("127.0.0.1", "localhost:8080", "http://localhost:8080", False),
+        ("127.0.0.1", "LOCALHOST:8080", "http://localhost:8080", False),
+        ("127.0.0.1", "[::1]:8080", "http://[::1]:8080", False),
+        ("127.0.0.1", "localhost:8080", "https://localhost:8080.evil.example", True),
+        ("127.0.0.1", "localhost:8080", "http://localhost:8081", True),
+        ("127.0.0.1", "rebound.example:8080", "http://rebound.example:8080", True),
+        ("127.0.0.1", "[::1", None, True),
+        ("0.0.0.0", "robot.lab:8080", "http://robot.lab:8080", False),
+        ("0.0.0.0", "robot.lab:8080", "http://evil.example", True),
+    ],
+)
+def test_who_may(host: str, address: str, origin: str | None, refused: bool) -> None:
+    headers = Headers({"Host": address})
+    if origin is not None:
+        headers["Origin"] = origin
+    assert bool(refusal(host, headers)) == refused
+
+
+def test_several_origins_are_refused() -> None:
+    headers = Headers([("Host", "localhost"), ("Origin", "http://localhost"), ("Origin", "null")])
+    assert refusal("127.0.0.1", headers)
+
+
+def page_of(url: str, encoding: str) -> str:
+    with urlopen(Request(url, headers={"Accept-Encoding": encoding})) as answer:
+        body = answer.read()
+        assert answer.headers.get_all("Content-Length") == [str(len(body))]
+    return (gzip.decompress(body) if encoding == "gzip" else body).decode()
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "identity"])
+def test_the_tab_names_run_robot_and_program(stage: Stage, encoding: str) -> None:
+    assert f"<title>test - {stage.page._robot.name} - wbc</title>" in page_of(stage.url, encoding)
+
+
+def test_a_robot_s_own_page_names_it_once_and_as_it_is() -> None:
+    place = page_address(HOST, None)
+    server = Server(place.host, place.port, r"<a> \1 & b", r"<a> \1 & b")
+    page = page_of(f"http://{HOST}:{server.get_port()}", "gzip")
+    server.stop()
+    assert r"<title>&lt;a&gt; \1 &amp; b - wbc</title>" in page
