@@ -93,16 +93,12 @@ def test_results_show_themselves(result) -> None:
     assert len(pendulum.to_frame()) == len(pendulum.history.time)
 
 
-def test_an_inertia_that_is_not_reached_is_in_the_title(
-    result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_inertia_that_is_not_reached_is_in_the_title(result, monkeypatch) -> None:
     monkeypatch.setattr(type(result), "reach", "as far as its other tasks allow")
     assert Cells(result._repr_html_()).words[0].endswith(", as far as its other tasks allow")
 
 
-def test_without_matplotlib_there_is_the_table_alone(
-    result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_matplotlib_there_is_the_table_alone(result, monkeypatch) -> None:
     monkeypatch.setattr("wbc.notebook.find_spec", lambda name: None)
     shown = Cells(result._repr_html_())
     assert shown.words and not shown.pictures

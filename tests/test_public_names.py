@@ -90,9 +90,7 @@ def test_a_name_that_is_read_and_not_there_is_answered_with_the_one_that_is(
     assert str(refusal.value).endswith(meant) and "choose from" not in str(refusal.value)
 
 
-def test_a_misspelt_attribute_is_answered_by_python(
-    hoap2: Robot, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misspelt_attribute_is_answered_by_python(hoap2, capsys) -> None:
     task: Any = wbc.ComTask(hoap2, [0.0, 0.0, 0.3])
     with pytest.raises(AttributeError) as refusal:
         _ = task.wieght
@@ -165,9 +163,7 @@ def test_every_keyword_of_a_signature_is_taken_and_arrives(hoap2: Robot) -> None
 
 
 @pytest.mark.parametrize("kind", [wbc.MomentumTask, wbc.DampingTask])
-def test_signature_of_a_task_about_a_rate_shows_no_gain_that_is_refused(
-    kind: type[wbc.Task], hoap2: Robot
-) -> None:
+def test_signature_of_a_task_about_a_rate_shows_no_gain_that_is_refused(kind, hoap2) -> None:
     shown = inspect.signature(kind).parameters.keys()
     assert {"kd", "singular_threshold", "weight", "priority"} <= shown
     make: Any = kind

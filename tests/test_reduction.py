@@ -53,9 +53,7 @@ def test_newton_euler_moved_to_the_cop_has_no_horizontal_moment(
         np.testing.assert_allclose(state.ground_force, wrench[:3], rtol=0, atol=1e-12 * size)
 
 
-def test_measured_wrenches_give_what_the_acceleration_gives(
-    robot: Robot, rng: np.random.Generator, random_snapshot
-) -> None:
+def test_measured_wrenches_give_what_the_acceleration_gives(robot, rng, random_snapshot) -> None:
     here, a = gentle(robot, rng, random_snapshot)
     expected, found = wbc.reduce(here, a), wbc.reduce(here, wrenches=[base_wrench(here, a)])
     for name in ("ground_force", "momentum_rate", "cop", "cmp", "leg_direction"):

@@ -117,9 +117,7 @@ def test_no_scheduler(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_of_another_version_is_refused(
-    campaign: Path, cluster: LocalCluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_of_another_version_is_refused(campaign, cluster, monkeypatch) -> None:
     cluster.wait_for_workers(1)
     monkeypatch.setattr("wbc.batch.row.versions", lambda *_: {"wbc": "0.0.0"})  # here, not there
     with pytest.raises(WbcError, match=r"has wbc .*, here 0\.0\.0"):

@@ -125,9 +125,7 @@ def test_robots_stand_where_they_were(hoap2: Robot, walk: dict[str, Array]) -> N
 
 
 @pytest.mark.slow
-def test_names_stand_above_the_robots_in_their_order(
-    hoap2: Robot, walk: dict[str, Array], tmp_path: Path
-) -> None:
+def test_names_stand_above_the_robots_in_their_order(hoap2, walk, tmp_path) -> None:
     way = np.column_stack((np.linspace(0.0, 1.0, 50), np.zeros(50), np.full(50, 0.4)))
     figure = exposures_figure(hoap2, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
     (axes,) = figure.axes

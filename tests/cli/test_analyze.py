@@ -126,9 +126,7 @@ def test_the_recording_is_not_overwritten(walk: Path) -> None:
         (["--feet", "left", "--ground", "0"], "CoP outside the support polygon in 100 of 100"),
     ],
 )
-def test_what_is_said_of_the_cop(
-    hoap2: Robot, tmp_path: Path, options: list[str], words: str
-) -> None:
+def test_what_is_said_of_the_cop(hoap2, tmp_path, options, words) -> None:
     q = np.tile(hoap2.postures["standing"], (100, 1))
     waist = hoap2.joint_names.index("waist_pitch")
     q[:, 7 + waist] = hoap2.limits.upper[waist] + 0.05

@@ -132,9 +132,7 @@ def test_outputs_are_checked_before_the_run(file: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "render"])
-def test_a_file_with_dollars_in_its_name_is_drawn_under_that_name(
-    file: Path, tmp_path: Path, command: str
-) -> None:
+def test_a_file_with_dollars_in_its_name_is_drawn_under_that_name(file, tmp_path, command) -> None:
     named = tmp_path / "p$_{$.yaml"  # to Matplotlib a formula, and a broken one
     named.write_text(file.read_text())
     picture = tmp_path / ("r.svg" if command == "run" else "r.gif")
@@ -144,17 +142,13 @@ def test_a_file_with_dollars_in_its_name_is_drawn_under_that_name(
     assert picture.is_file()
 
 
-def test_plot_without_matplotlib_fails_before_the_run(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_plot_without_matplotlib_fails_before_the_run(file, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
     message = refused("run", file, "--plot", tmp_path / "r.png")
     assert message == "--plot needs matplotlib: pip install 'wbc[plot]'"
 
 
-def test_a_picture_is_drawn_last_and_may_fail(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_is_drawn_last_and_may_fail(file, tmp_path, monkeypatch) -> None:
     drawn: list[tuple[int, str]] = []
     outputs = ("-o", tmp_path / "r.json", "--plot", tmp_path / "r.png")
 
@@ -177,9 +171,7 @@ def test_a_picture_is_drawn_last_and_may_fail(
     assert answer.stderr == f"error: --plot {tmp_path / 'r.png'}: a mesh is broken\n"
 
 
-def test_a_result_that_cannot_be_saved_is_saved_elsewhere(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_that_cannot_be_saved_is_saved_elsewhere(file, tmp_path, monkeypatch) -> None:
     from wbc.problem import Result as RunResult
 
     save = RunResult.save
@@ -287,9 +279,7 @@ def test_version_and_wrong_usage() -> None:
         (["run", "p.yaml"], {"scipy.stats", "scipy.optimize", "matplotlib", "casadi"}),
     ],
 )
-def test_commands_load_only_the_libraries_that_they_use(
-    command: list[str], unwanted: set[str], tmp_path: Path
-) -> None:
+def test_commands_load_only_the_libraries_that_they_use(command, unwanted, tmp_path) -> None:
     (tmp_path / "p.yaml").write_text(
         "robot: hoap2_like\nsupport: double\ntasks: {com: {type: com, target: [0, 0, 0.3]}}\n"
         "stop: {duration: 0.02}\n"
@@ -323,9 +313,7 @@ def test_python_m_wbc_is_wbc() -> None:
 
 
 @pytest.mark.slow
-def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
-    tmp_path: Path,
-) -> None:
+def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(tmp_path) -> None:
     """iCub's shins stand in its feet."""
     pair, why = "l_lower_leg vs l_foot", "in contact when standing"
     answer = wbc_command("collisions", "icub")
@@ -351,9 +339,7 @@ def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
     assert "not watched" in answer.output
 
 
-def test_layers_and_directions_of_a_picture(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_layers_and_directions_of_a_picture(file, tmp_path, monkeypatch) -> None:
     views: list[View] = []
     monkeypatch.setattr("wbc.view.plot_run", lambda *_, title, view: views.append(view))
     options = ("--plot", tmp_path / "r.png", "--view-from", "left", "--show", "robot,com")
@@ -418,9 +404,7 @@ def test_units_stand_in_the_help() -> None:
             assert not re.search(r"\[[a-zA-Z/^0-9 ]+\]", text or ""), f"wbc {name}: {text}"
 
 
-def test_a_file_that_is_not_there_is_answered_with_the_one_that_is(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_is_not_there_is_answered_with_the_one_that_is(file, monkeypatch) -> None:
     monkeypatch.chdir(file.parent)
     (file.parent / "problems").mkdir()
     (file.parent / "problems" / "walk.yaml").write_text(GOOD)

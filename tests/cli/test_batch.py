@@ -25,9 +25,7 @@ def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
 
 
 @pytest.mark.slow
-def test_ended_by_ctrl_c_it_goes_on_to_one_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ended_by_ctrl_c_it_goes_on_to_one_table(tmp_path, monkeypatch) -> None:
     signalling(monkeypatch, Journal, "add", 5)  # the first writes what the campaign is
     ended = run(tmp_path, "--workers", 1)
     assert ended.exit_code == 130, ended.output
@@ -115,13 +113,7 @@ def test_bad_input(tmp_path: Path, options: tuple[object, ...], told: str) -> No
     ("package", "extra", "options"),
     [("pyarrow", "batch", ()), ("distributed", "cluster", ("--cluster", "tcp://here:1"))],
 )
-def test_what_is_not_installed_is_said(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    package: str,
-    extra: str,
-    options: tuple[str, ...],
-) -> None:
+def test_what_is_not_installed_is_said(tmp_path, monkeypatch, package, extra, options) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(
         "wbc.extras.find_spec", lambda name: None if name == package else find(name)

@@ -95,9 +95,7 @@ def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
         (("problems/rmp_static_lean.yaml",), "pendulum"),
     ],
 )
-def test_bad_input(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[object, ...], told: str
-) -> None:
+def test_bad_input(tmp_path, monkeypatch, options, told) -> None:
     (tmp_path / "problems").symlink_to(Path(__file__).parents[2] / "problems")
     monkeypatch.chdir(tmp_path)
     result = run(*options)

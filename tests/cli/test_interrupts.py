@@ -48,9 +48,7 @@ def run(folder: Path, text: str, *options: object) -> Result:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_what_was_computed_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, code: int
-) -> None:
+def test_what_was_computed_is_written(tmp_path, monkeypatch, number, code) -> None:
     signalling(monkeypatch, Controller, "step", 21, number)
     answer = run(tmp_path, LONG, "-o", tmp_path / "r.json")
     assert answer.exit_code == code
@@ -60,9 +58,7 @@ def test_what_was_computed_is_written(
     assert (summary["status"], summary["ticks"]) == ("interrupted", 21)
 
 
-def test_without_an_output_it_is_kept_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_an_output_it_is_kept_elsewhere(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     signalling(monkeypatch, Controller, "step", 4)
     answer = run(tmp_path, LONG, "-q")
@@ -115,9 +111,7 @@ def test_a_terminal_that_is_gone_is_noted_unless_nohup_ignores_it() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_ctrl_c_while_a_compiled_package_loads_is_no_traceback(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_ctrl_c_while_a_compiled_package_loads_is_no_traceback(capsys) -> None:
     """Pybind11 makes an ImportError of it: one in 36 of `wbc check` ended so."""
     with pytest.raises(typer.Exit) as ended, errors_in_one_line():
         raise ImportError("initialization failed") from KeyboardInterrupt()

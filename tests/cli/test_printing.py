@@ -99,9 +99,7 @@ def test_one_that_arrives_or_is_still_on_its_way_says_nothing() -> None:
     ("left", "said"),
     [(-2e-11, "at least 0 left"), (2e-3, "at least 0.002 left"), (-1e-8, "exceeded by at most")],
 )
-def test_rounding_at_a_joints_limit_is_not_told_as_beyond_it(
-    left: float, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rounding_at_a_joints_limit_is_not_told_as_beyond_it(left, said, capsys) -> None:
     one = load_problem(
         PROBLEMS / "fig7_forward_hoap2.yaml", {"stop.duration": 0.05, "tasks.com.ramp": 0.05}
     )
@@ -111,9 +109,7 @@ def test_rounding_at_a_joints_limit_is_not_told_as_beyond_it(
 
 
 @pytest.mark.parametrize(("value", "coloured"), [("1", False), ("", True)])
-def test_no_color_is_heeded_by_errors(
-    monkeypatch: pytest.MonkeyPatch, value: str, coloured: bool
-) -> None:
+def test_no_color_is_heeded_by_errors(monkeypatch, value, coloured) -> None:
     """Tables heeded it, "error:" was red all the same."""
     monkeypatch.setenv("NO_COLOR", value)
     terminal = io.StringIO()

@@ -95,9 +95,7 @@ def test_check_names_every_mistake_and_runs_nothing(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("verb", ["check", "run"])
-def test_files_of_other_commands_are_told_from_problems(
-    text: str, said: str, verb: str, tmp_path: Path
-) -> None:
+def test_files_of_other_commands_are_told_from_problems(text, said, verb, tmp_path) -> None:
     """Their keys were unknown: motion, did you mean 'simulation'?"""
     path = tmp_path / "a.yaml"
     path.write_text(text)

@@ -71,9 +71,7 @@ def test_who_is_not_at_rest_without_a_push_either_is_told(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(tmp_path, monkeypatch) -> None:
     whole = tmp_path / "whole.json"
     assert run(tmp_path, *GRID, "-o", whole, "-q").exit_code == 0
     tried = signalling(monkeypatch, PushedProblem, "__call__", 2)
@@ -93,9 +91,7 @@ def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
 
 
 @pytest.mark.slow
-def test_ended_without_an_output_it_goes_on_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ended_without_an_output_it_goes_on_too(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     tried = signalling(monkeypatch, PushedProblem, "__call__", 1)
     ended = run(tmp_path, *GRID)

@@ -78,9 +78,7 @@ def test_shapes_that_are_left_out_are_told(tmp_path: Path, films: list[dict[str,
     assert len(films) == 4
 
 
-def test_a_film_ended_by_sigterm_leaves_nothing_behind(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_film_ended_by_sigterm_leaves_nothing_behind(file, monkeypatch) -> None:
     def draw(film: Film, row: int) -> None:
         signal.raise_signal(signal.SIGTERM)
 
@@ -106,9 +104,7 @@ def test_mistakes_are_told_before_any_work(file: Path, films: list[dict[str, Any
     assert films == []
 
 
-def test_of_a_pendulum_and_of_a_simulation(
-    tmp_path: Path, films: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_a_pendulum_and_of_a_simulation(tmp_path, films, monkeypatch) -> None:
     def film(history: Any, path: Path, **named: Any) -> None:
         films.append({"ticks": len(history.time), **named})
 

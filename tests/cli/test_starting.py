@@ -62,9 +62,7 @@ def test_one_that_fails_leaves_nothing_behind(terminal) -> None:
 
 @pytest.mark.parametrize(("call", "line", "state"), CALLS)
 @pytest.mark.parametrize("terminal", [False, True])
-def test_what_is_shown(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, call: tuple, line: str, state: str
-) -> None:
+def test_what_is_shown(monkeypatch, terminal, call, line, state) -> None:
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=100, highlight=False)
     monkeypatch.setattr(progress, "plain_console", lambda **_: console)

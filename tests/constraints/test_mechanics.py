@@ -91,9 +91,7 @@ OFF = {"ratio -2": 1.0, "ratio -2, a little": 0.05, "follower of a follower": -0
 
 @pytest.mark.parametrize("braking", ["free", "bounded"])
 @pytest.mark.parametrize("case", OFF)
-def test_gears_that_begin_off_come_back_as_fast_as_limits_allow(
-    tmp_path: Path, case: str, braking: str
-) -> None:
+def test_gears_that_begin_off_come_back_as_fast_as_limits_allow(tmp_path, case, braking) -> None:
     """At 2 rad/s, from rest at 20 rad/s^2: as measured after power-up, or in a posture of zeros."""
     robot = Robot.load(arm(tmp_path))
     q, v, dt = robot.posture("neutral"), np.zeros(robot.nv), 0.01

@@ -11,7 +11,7 @@ import pytest
 import wbc
 from tests.standing import standing
 from wbc.controllers import Controller
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 
 
@@ -115,9 +115,7 @@ def test_forces_go_on_where_tasks_change_with_the_contacts(here: Snapshot) -> No
     ],
 )
 @pytest.mark.parametrize("level", ["velocity", "torque"])
-def test_what_is_refused_changes_nothing(
-    level: str, parts: dict[str, Any], error: type[WbcError], words: str, here: Snapshot
-) -> None:
+def test_what_is_refused_changes_nothing(level, parts, error, words, here) -> None:
     controller = made(level, before(here))
     first = controller.step(here)
     with pytest.raises(error, match=words):

@@ -193,9 +193,7 @@ def outcome(side: str | None) -> Outcome:
         (None, True, 1),
     ],
 )
-def test_margins_are_relaxed_only_where_they_take_part(
-    hoap2, here, side, over, solves: int
-) -> None:
+def test_margins_are_relaxed_only_where_they_take_part(hoap2, here, side, over, solves) -> None:
     """What cannot hold without any margin cannot hold with them relaxed either.
 
     Once the deadline is over they are not relaxed, and that is said.

@@ -108,9 +108,7 @@ def test_held_tasks_that_repeat_each_other_follow_new_targets(hoap2: Robot) -> N
 
 @pytest.mark.parametrize("slack", [{}, {"left_sole": 1e3}])
 @pytest.mark.parametrize("before", [None, wbc.FrictionCone(0.8)])
-def test_friction_that_is_assigned_counts_in_the_next_tick(
-    hoap2: Robot, before: wbc.FrictionCone | None, slack: dict[str, float]
-) -> None:
+def test_friction_that_is_assigned_counts_in_the_next_tick(hoap2, before, slack) -> None:
     """A grip that gets a cone pulls no more, and a contact that may give way has its cone, too."""
     start = hoap2.snapshot(hoap2.posture("standing"))
     after, torques = wbc.FrictionCone(0.6, most=20.0), []

@@ -203,9 +203,7 @@ def test_bodies_are_not_pushed_into_each_other_by_tasks(hoap2, monkeypatch) -> N
     assert missed[1] < 0.5 * missed[0]
 
 
-def test_weights_farther_apart_than_numbers_hold_leave_an_answer_and_say_what_is_lost(
-    g1: Robot,
-) -> None:
+def test_weights_farther_apart_than_numbers_hold_leave_an_answer_and_say_what_is_lost(g1) -> None:
     """Joints were only brought to rest; what is missed is what lesser weights miss."""
     start, missed = g1.snapshot(g1.posture("standing")), []
     for weight in (1e4, 1e6, 1e9):

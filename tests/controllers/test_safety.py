@@ -119,9 +119,7 @@ def test_the_second_level_is_the_lexicographic_optimum(seed: int, g1: Robot) -> 
 
 @pytest.mark.parametrize("solver", ["proxqp", "active_set"])
 @pytest.mark.parametrize("margins", [False, True])
-def test_without_limits_nothing_is_commanded_that_no_state_may_have(
-    g1: Robot, solver: str, margins: bool
-) -> None:
+def test_without_limits_nothing_is_commanded_that_no_state_may_have(g1, solver, margins) -> None:
     """Before: 1e9 rad/s and "solved", or, with margins, an error from where it led."""
     here = g1.snapshot(g1.posture("standing"))
     for policy in ("hold", "damp", "closest"):
@@ -193,10 +191,8 @@ def test_torque_ticks_give_way_in_time(hoap2) -> None:
 
 
 @pytest.mark.parametrize("level", [wbc.KinematicController, wbc.TorqueController])
-def test_ticks_and_changes_of_contacts_leave_none(
-    hoap2: Robot, level: type[wbc.Controller]
-) -> None:
-    """Loops run without a collector: plans of a G1's walk kept each other alive, 1.8 MB a second."""
+def test_ticks_and_changes_of_contacts_leave_none(hoap2, level) -> None:
+    """Loops run without a collector: plans of a walk kept each other alive, 1.8 MB a second."""
     now = hoap2.snapshot(hoap2.posture("standing"))
     tasks = [wbc.ComTask(hoap2, now.com), wbc.PostureTask(hoap2, now.q, weight=0.1)]
     both, left = wbc.support(now, "double"), wbc.support(now, "left")

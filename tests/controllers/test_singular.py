@@ -81,9 +81,7 @@ WEIGHTINGS = ({"*": 10.0, "base": 10.0}, {"*": 0.01, "base": 0.01}, {"base": 100
 
 @pytest.mark.parametrize("weights", WEIGHTINGS, ids=str)
 @pytest.mark.parametrize("name", KNEES)
-def test_joint_weights_do_not_move_the_threshold(
-    name: str, weights: dict[str, float], robot_named: Load
-) -> None:
+def test_joint_weights_do_not_move_the_threshold(name, weights, robot_named) -> None:
     """Thresholds are in rad/s whatever the joints weigh, as long as the motion is much the same."""
     robot, least = robot_named(name), 0.08
 
@@ -106,9 +104,7 @@ def test_joint_weights_do_not_move_the_threshold(
 
 @pytest.mark.parametrize("knee", [0.5, 0.1, 0.01, 0.0])
 @pytest.mark.parametrize("name", KNEES)
-def test_a_task_gets_the_rates_of_damped_least_squares(
-    name: str, knee: float, robot_named: Load
-) -> None:
+def test_a_task_gets_the_rates_of_damped_least_squares(name, knee, robot_named) -> None:
     """Oracle: sum of v s / max(s, threshold)^2 u' wanted over the singular values s.
 
     But for the QP's own damping, here so large that the solver's accuracy does not matter.

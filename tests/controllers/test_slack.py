@@ -87,9 +87,7 @@ def test_a_soft_contact_counts_by_its_own_weight_too(hoap2: Robot, here: Snapsho
 
 
 @pytest.mark.parametrize("weight", [1.0, 1e3])
-def test_a_soft_constraint_gives_way_by_pull_over_weight(
-    hoap2: Robot, here: Snapshot, weight: float
-) -> None:
+def test_a_soft_constraint_gives_way_by_pull_over_weight(hoap2, here, weight) -> None:
     box = boxed(hoap2, here)
     far = PositionBox(hoap2, "left_palm", here.q[:3] - 9.0, here.q[:3] + 9.0)  # does not give way
     held = {"contacts": support(here, "double"), "constraints": [box, far]}

@@ -6,7 +6,6 @@ import logging
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -97,9 +96,7 @@ def test_contacts_in_the_air_are_said(g1: Robot, here: Snapshot) -> None:
     assert not controller.step(here).displaced
 
 
-def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(
-    g1: Robot, here: Snapshot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(g1, here, caplog) -> None:
     """At the velocity level the base is commanded there within a tick or two, at 100 m/s."""
     q = here.q.copy()
     q[0] += 1.0
@@ -113,9 +110,7 @@ def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(
         caplog.clear()
 
 
-def test_missing_effort_limits_are_said_by_name(
-    caplog: pytest.LogCaptureFixture, tmp_path: Path
-) -> None:
+def test_missing_effort_limits_are_said_by_name(caplog, tmp_path) -> None:
     path = tmp_path / "weak.urdf"
     path.write_text(re.sub('effort="[^"]*"', 'effort="0"', MIXED.read_text()))
     robot = Robot.load(path)
@@ -187,9 +182,7 @@ def other_solvers_stance(here: Snapshot, most: np.ndarray) -> tuple[np.ndarray, 
 
 
 @pytest.mark.parametrize("effort", [1e4, 8.0])
-def test_torques_are_the_least_and_exceed_the_limits_least(
-    robot_named: Load, effort: float
-) -> None:
+def test_torques_are_the_least_and_exceed_the_limits_least(robot_named, effort) -> None:
     """With limits out of the way, and with limits that some joints must exceed."""
     robot = Robot.load("g1", effort={"*": effort})
     here = standing(robot)

@@ -61,9 +61,7 @@ def test_a_root_without_mass_stands() -> None:
     assert not tick.relaxed and float(np.abs(tick.acceleration).max()) < 0.1
 
 
-def test_contacts_that_legs_cannot_hold_independently_are_told(
-    g1: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_contacts_that_legs_cannot_hold_independently_are_told(g1, caplog) -> None:
     """Legs without an ankle's roll: where soles drift, torques of an H1 reached 450 N m."""
     parts, sole = [urdf.link("trunk")], urdf.collision('box size="0.2 0.08 0.04"')
     for side, y in (("left", 0.1), ("right", -0.1)):
@@ -103,9 +101,7 @@ def test_a_bolted_arm_with_gears_does_not_sag(weight: float, told: bool) -> None
 
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("mode", ["double", "left", "floating"])
-def test_torque_is_what_recursive_newton_euler_needs(
-    name: str, mode: str, robot_named: Load
-) -> None:
+def test_torque_is_what_recursive_newton_euler_needs(name, mode, robot_named) -> None:
     """Oracle: Pinocchio's RNEA at the tick's acceleration, less its forces; exact to rounding."""
     robot = robot_named(name)
     here, rng = standing(robot), np.random.default_rng(3)
@@ -224,9 +220,7 @@ def test_normal_forces_keep_their_range(g1: Robot, here: Snapshot) -> None:
     assert tick.ok and tick.forces["left_sole"][2] < 1e4
 
 
-def test_what_has_no_effect_at_this_level_is_said(
-    hoap2: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_has_no_effect_at_this_level_is_said(hoap2, caplog) -> None:
     here = standing(hoap2)
     tasks = [wbc.ComTask(hoap2, here.com, singular_threshold=5e-4)]
     wbc.TorqueController(hoap2, tasks, contacts=wbc.support(here, "double"))

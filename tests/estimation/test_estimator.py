@@ -173,9 +173,7 @@ def swaying(
     return found
 
 
-def test_a_gap_is_said_and_leaves_the_estimate_as_unsure_as_it_is(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_a_gap_is_said_and_leaves_the_estimate_as_unsure_as_it_is(hoap2, sent) -> None:
     """By one reading the base was predicted over seconds, and as sure of it as before."""
     e = StateEstimator(hoap2, MOUNTS, dt=DT)
     before = fed(e, sent[:400])
@@ -194,9 +192,7 @@ def test_a_gap_is_said_and_leaves_the_estimate_as_unsure_as_it_is(
 
 
 @pytest.mark.parametrize("start", [0.0, 1.7e9])
-def test_an_imu_of_100_readings_a_second_has_no_gaps(
-    hoap2: Robot, sent: list[Measurement], start: float
-) -> None:
+def test_an_imu_of_100_readings_a_second_has_no_gaps(hoap2, sent, start) -> None:
     """Two of three readings were a gap of 10 ms, by the rounding of times."""
     e = StateEstimator(hoap2, MOUNTS[0], dt=DT)
     for k, one in enumerate(sent):
@@ -206,9 +202,7 @@ def test_an_imu_of_100_readings_a_second_has_no_gaps(
 
 
 @pytest.mark.parametrize("every", [2, 5])
-def test_a_slow_imu_makes_up_for_what_was_held_in_its_place(
-    hoap2: Robot, rng: np.random.Generator, every: int
-) -> None:
+def test_a_slow_imu_makes_up_for_what_was_held_in_its_place(hoap2, rng, every) -> None:
     """At 250 readings a second the velocity was three times as far off, at 100 six times."""
     rows = swaying(hoap2, 900, MOUNTS[:1], rng)
     e, off = StateEstimator(hoap2, MOUNTS[0], dt=DT), []
@@ -231,9 +225,7 @@ def test_without_its_imu_an_estimate_is_less_sure(hoap2: Robot, sent: list[Measu
 
 
 @pytest.mark.parametrize(("dt", "said"), [(0.002, False), (0.01, True), (0.0005, True)])
-def test_another_period_than_that_of_messages_is_said(
-    dt: float, said: bool, hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_another_period_than_that_of_messages_is_said(dt, said, hoap2, sent, caplog) -> None:
     """Joint velocities are as old as messages are apart; `velocity_delay` said otherwise."""
     e = StateEstimator(hoap2, MOUNTS, dt=dt)
     fed(e, sent[:400])
@@ -270,9 +262,7 @@ def test_a_mount_in_mm_and_a_delay_in_ms_are_doubted(hoap2: Robot, caplog) -> No
     ]
 
 
-def test_a_mount_by_which_soles_stand_on_edge_is_doubted(
-    hoap2: Robot, sent: list[Measurement], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_mount_by_which_soles_stand_on_edge_is_doubted(hoap2, sent, caplog) -> None:
     told = replace(MOUNTS[0], rotation=np.eye(3))
     fed(StateEstimator(hoap2, told), sent[:300])
     assert caplog.messages == [
@@ -323,9 +313,7 @@ def test_late_messages_are_filed_to_the_same_bits(hoap2: Robot, sent: list[Measu
         assert answer.q.tobytes() == expected.q.tobytes()
 
 
-def test_a_foot_that_slips_by_two_centimetres_is_not_followed(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_a_foot_that_slips_by_two_centimetres_is_not_followed(hoap2, sent) -> None:
     """The left hip rolls; the base is still: in 60 ms the sole moves by 2 cm."""
     k = hoap2.joint_index("left_hip_roll") - 6
     J = hoap2.snapshot(hoap2.posture()).jacobian(hoap2.feet["left"].frame)
@@ -408,9 +396,7 @@ def test_encoders_of_continuous_joints_begin_anew_after_a_turn(hoap2, rng, tmp_p
     assert found.v[6 + k] == pytest.approx(0.5)
 
 
-def test_where_no_foot_is_still_the_slower_one_is_counted_on(
-    hoap2: Robot, sent: list[Measurement]
-) -> None:
+def test_where_no_foot_is_still_the_slower_one_is_counted_on(hoap2, sent) -> None:
     # It hangs at rest, its soles' switches stuck: one leg swings, the other creeps.
     e = StateEstimator(hoap2, MOUNTS)
     fed(e, sent[:300])

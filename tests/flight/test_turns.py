@@ -280,9 +280,7 @@ def test_rounds_begin_and_end_at_rest_in_their_posture(rounds: Rounds) -> None:
         np.testing.assert_allclose(acceleration, 0.0, atol=1e-12)
 
 
-def test_rates_and_accelerations_are_those_of_the_postures(
-    hoap2: wbc.Robot, rounds: Rounds
-) -> None:
+def test_rates_and_accelerations_are_those_of_the_postures(hoap2, rounds) -> None:
     h = 1e-4
     for t in (0.3, 2.1, 5.5):
         before, here, after = (rounds.at(t + k * h) for k in (-1, 0, 1))

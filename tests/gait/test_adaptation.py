@@ -96,9 +96,7 @@ def least_jerk(way: float, rate: float, T: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("time", "rate"), [(0.1, 0.0), (0.3, 0.0), (0.2, 1.7)])
-def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(
-    time: float, rate: float
-) -> None:
+def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(time, rate) -> None:
     a = 40.0
     lower, upper = (lib.wbc_rest_range * a * time**2 * sign for sign in (-1.0, 1.0))
     assert np.abs(least_jerk(upper, 0.0, time)).max() == pytest.approx(a, rel=1e-5)

@@ -53,9 +53,7 @@ def soles(start: Snapshot) -> np.ndarray:
     return np.asarray(support_polygon(start, ["left", "right"]))
 
 
-def test_the_pivot_stays_in_the_soles_while_the_capture_point_is_well_inside(
-    start: Snapshot,
-) -> None:
+def test_the_pivot_stays_in_the_soles_while_the_capture_point_is_well_inside(start) -> None:
     polygon, rng, seen = soles(start), np.random.default_rng(0), 0
     for _ in range(200):
         at = start.com[:2] + rng.uniform(-0.1, 0.1, 2)
@@ -71,9 +69,7 @@ def test_the_pivot_stays_in_the_soles_while_the_capture_point_is_well_inside(
     assert seen > 100
 
 
-def test_a_small_error_gets_the_gain_and_the_law_is_that_of_the_capture_point(
-    start: Snapshot,
-) -> None:
+def test_a_small_error_gets_the_gain_and_the_law_is_that_of_the_capture_point(start) -> None:
     gain = gain_of(start, gain=2.0, spin=9.0)
     gain.prepare(moving(start, start.com[:2] + (0.001, -0.001)))
     law = gain.task.acceleration_law
@@ -154,9 +150,7 @@ def test_an_axis_that_is_not_driven_says_nothing(start: Snapshot) -> None:
         ({"spin": np.inf}, "capture gain, spin"),
     ],
 )
-def test_gains_out_of_range_are_named(
-    start: Snapshot, options: dict[str, float], message: str
-) -> None:
+def test_gains_out_of_range_are_named(start, options, message) -> None:
     with pytest.raises(InvalidInputError, match=message):
         gain_of(start, **options)
 

@@ -147,9 +147,7 @@ def test_bent_and_given_knees_are_left_alone(hoap2: Robot, straight: Robot) -> N
     assert walking_posture(given, 0.2) is given.q
 
 
-def test_straight_legs_bend_wherever_the_robot_stands_and_whatever_its_arms_do(
-    straight: Robot,
-) -> None:
+def test_straight_legs_bend_wherever_the_robot_stands_and_whatever_its_arms_do(straight) -> None:
     """An H1_2 with a payload, by a file: on legs drawn straight it leant back by 0.44 rad."""
     q = straight.posture("standing", {"head_yaw": 0.1, "*_elbow_pitch": -0.7, "left_*_roll": 0.05})
     q[:3] += (2.0, 1.0, 1e-13)
@@ -172,9 +170,7 @@ def test_straight_legs_bend_wherever_the_robot_stands_and_whatever_its_arms_do(
     assert now.com[2] == pytest.approx(middle + height, abs=2e-3)
 
 
-def test_a_height_that_no_posture_has_is_said(
-    straight: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_height_that_no_posture_has_is_said(straight, caplog) -> None:
     start = straight.snapshot(straight.posture("standing"))
     assert walking_posture(start, 0.01) is start.q
     assert "no posture with bent knees" in caplog.text

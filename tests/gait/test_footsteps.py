@@ -71,9 +71,7 @@ def test_a_foot_lands_early_on_its_usual_way_and_not_far_from_a_goal_that_moved(
 
 @pytest.mark.parametrize("foot", ["left", "right"])
 @pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.2, -0.1, 0.7), (-0.3, 0.2, -0.4)])
-def test_the_offset_is_that_of_many_steps_ahead(
-    legs: Legs, foot: str, velocity: tuple[float, ...]
-) -> None:
+def test_the_offset_is_that_of_many_steps_ahead(legs, foot, velocity) -> None:
     gait, steps, here, heading = GaitSettings.of(legs), list[complex](), foot, 0.3
     for _ in range(30):  # 1e-24 of the first is what comes after them
         steps.append(nominal_step(gait, here, heading, Velocity(*velocity)))
@@ -144,9 +142,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
-    legs: Legs, side: float
-) -> None:
+def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(legs, side) -> None:
     """A DCM that no step catches does not take the pressure back to the middle of the sole."""
     gait = GaitSettings.of(legs)
     planner = planner_of(legs, gait)
@@ -160,9 +156,7 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
-def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
-    legs: Legs, heading: float
-) -> None:
+def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(legs, heading) -> None:
     gait = GaitSettings.of(legs)
     planner, R = planner_of(legs, gait), turned(heading)
     measured = [

@@ -64,9 +64,7 @@ def against_a_wall(start: Snapshot, frame: str, **other: Any) -> PointContact:
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, -1, 0), (1, 2, -0.5), (0, 0, -1)])
-def test_a_point_contact_bears_what_its_cone_has(
-    start: Snapshot, normal: tuple[float, ...]
-) -> None:
+def test_a_point_contact_bears_what_its_cone_has(start, normal) -> None:
     contact = PointContact.hold(start, LEFT.frame, normal=normal)
     held = TorqueController(start.robot, [PostureTask(start.robot, start.q)], contacts=[contact])
     rows = held.contact_forces.bounds()
@@ -111,17 +109,13 @@ def test_an_arm_is_what_its_model_says(start: Snapshot) -> None:
     ("distance", "said"),
     [(0.2, "or behind it; its normal points at the robot"), (2.0, "is out of reach of left_rub")],
 )
-def test_walls_that_cannot_be_leant_on_are_refused(
-    start: Snapshot, distance: float, said: str
-) -> None:
+def test_walls_that_cannot_be_leant_on_are_refused(start, distance, said) -> None:
     with pytest.raises(InvalidInputError, match=said):
         hand_support(start, walls=[wall_at(distance)])
 
 
 @pytest.mark.parametrize("height", [-2.0, 5.0])
-def test_how_far_a_robot_leans_does_not_hang_on_where_the_ground_is(
-    start: Snapshot, height: float
-) -> None:
+def test_how_far_a_robot_leans_does_not_hang_on_where_the_ground_is(start, height) -> None:
     """In a pit every wall was out of reach, and on a roof none."""
     q = start.q.copy()
     q[2] += height
@@ -224,9 +218,7 @@ def test_a_wall_ends_where_its_face_does(start: Snapshot) -> None:
     assert len(held.contacts) == 2
 
 
-def test_a_hand_begins_where_it_is_and_late_goes_on_evenly(
-    start: Snapshot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_hand_begins_where_it_is_and_late_goes_on_evenly(start, caplog) -> None:
     held = controller(start)
     settings = LeanSettings(begin=0.3, end=0.4)
     hands = HandSupport(held, start, [LEFT], [wall_at(0.5)], settings)

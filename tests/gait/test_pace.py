@@ -41,9 +41,7 @@ def test_legs_reach_the_steps_of_each_speed(g1: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["talos", "hoap2_like", "romeo", "icub"])
-def test_where_not_reach_limits_or_knees_are_weak_nothing_changes(
-    name: str, robot_named: Load
-) -> None:
+def test_where_not_reach_limits_or_knees_are_weak_nothing_changes(name, robot_named) -> None:
     paces = paces_of(robot_named(name))
     assert paces.at(99.0) is paces.usual
     assert paces.limits == paces.usual.planner.limits

@@ -103,9 +103,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("change", "said"), BAD.values(), ids=BAD)
-def test_what_legs_cannot_do_is_refused(
-    able: StepRange, feet: dict[str, Array], change: dict[str, float], said: str
-) -> None:
+def test_what_legs_cannot_do_is_refused(able, feet, change, said) -> None:
     step = Footstep(**{"foot": "right", "x": 0.1, "y": -able.gait.width, **change})
     with pytest.raises(InvalidInputError) as refused:
         able.admitted([step], feet, relative=True)
@@ -144,9 +142,7 @@ def test_the_range_that_is_told_is_the_range(able: StepRange, feet: dict[str, Ar
                     able.admitted([step], feet, relative=True)
 
 
-def test_a_foot_is_not_carried_faster_than_hips_can(
-    able: StepRange, feet: dict[str, Array]
-) -> None:
+def test_a_foot_is_not_carried_faster_than_hips_can(able, feet) -> None:
     """Peak rates of the minimum-jerk way, sampled, less what the pelvis does of it."""
     steps = ahead(able, 2, x=0.4, duration=0.25)
     with pytest.raises(InvalidInputError, match=r"footstep 2 .*, duration: the foot goes") as error:
@@ -208,9 +204,7 @@ def test_feet_that_are_edges_walk_on_footsteps(hoap2: Robot) -> None:
 
 
 @pytest.mark.parametrize("given", ["left", 3, None, [(0.1, 0.2)], ["left"]])
-def test_what_are_no_footsteps_is_refused(
-    able: StepRange, feet: dict[str, Array], given: Any
-) -> None:
+def test_what_are_no_footsteps_is_refused(able, feet, given) -> None:
     with pytest.raises(InvalidInputError, match="footsteps: expected"):
         able.admitted(given, feet)
 

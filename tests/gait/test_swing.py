@@ -181,9 +181,7 @@ def pressed_at(point: tuple[float, float], R: Array, load: float = WEIGHT) -> Ar
     ("axis", "sign", "point"),
     [(0, 1, (0.028, 0.01)), (0, -1, (-0.05, 0.0)), (1, 1, (0.0, 0.02)), (1, -1, (0.03, -0.01))],
 )
-def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
-    axis: int, sign: int, point: tuple[float, float]
-) -> None:
+def test_who_tips_over_an_edge_is_pressed_this_side_of_it(axis, sign, point) -> None:
     stood = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
     # ahead is over the axis to the left, to the left is over the one that points back
     about = sign * (np.array((0.0, 1.0, 0.0)), np.array((-1.0, 0.0, 0.0)))[axis]

@@ -61,9 +61,7 @@ def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> Non
         ({"contacts": []}, "setting of a walker 'contacts'"),
     ],
 )
-def test_settings_that_a_walker_has_not_are_told_as_its_own(
-    hoap2: Robot, wrong: dict[str, object], said: str
-) -> None:
+def test_settings_that_a_walker_has_not_are_told_as_its_own(hoap2, wrong, said) -> None:
     """They were TypeErrors about a TorqueController; a robot for legs was an AttributeError."""
     with pytest.raises(UnknownNameError, match=said):
         wbc.gait.Walker(hoap2, **wrong)  # type: ignore[arg-type]
@@ -101,9 +99,7 @@ def test_a_copy_walks_on_by_itself(hoap2: Robot) -> None:
         ("controller", None, "controller cannot be assigned; make another Walker"),
     ],
 )
-def test_assigned_attributes_that_would_do_nothing_are_refused(
-    hoap2: Robot, name: str, value: object, told: str
-) -> None:
+def test_assigned_attributes_that_would_do_nothing_are_refused(hoap2, name, value, told) -> None:
     """A number took the place of a method, and the robot stood."""
     walker = wbc.gait.Walker(hoap2)
     with pytest.raises(InvalidInputError, match=told):
@@ -153,9 +149,7 @@ def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(hoap2: 
     assert way @ (np.cos(2.0), np.sin(2.0)) > 0.03
 
 
-def test_soles_are_held_where_they_stand_in_the_first_tick(
-    hoap2: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_soles_are_held_where_they_stand_in_the_first_tick(hoap2, caplog) -> None:
     """A robot tilted by a slope of 0.12 and lifted by 20 mm stands on other soles than planned."""
     walker, q = wbc.gait.Walker(hoap2), hoap2.posture("standing")
     tilted = np.concatenate((q[:3] + [0.0, 0.0, 0.02], [0.0, 0.06, 0.0, (1.0 - 0.06**2) ** 0.5]))
@@ -182,9 +176,7 @@ def test_a_robot_that_is_put_elsewhere_while_it_stands_begins_anew_there(hoap2: 
     assert plant.com[0] > 0.1 and abs(plant.com[1]) < 0.03
 
 
-def test_a_robot_that_is_put_elsewhere_in_the_middle_of_a_walk_is_told(
-    hoap2: Robot, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_robot_that_is_put_elsewhere_in_the_middle_of_a_walk_is_told(hoap2, caplog) -> None:
     walker, q = wbc.gait.Walker(hoap2), hoap2.posture("standing")
     walker.command(0.1)
     walker.prepare(hoap2.snapshot(q))
@@ -197,9 +189,7 @@ def test_a_robot_that_is_put_elsewhere_in_the_middle_of_a_walk_is_told(
     assert not caplog.records
 
 
-def test_a_footstep_without_solution_is_counted_and_said(
-    hoap2: Robot, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_footstep_without_solution_is_counted_and_said(hoap2, monkeypatch, caplog) -> None:
     """A solver that finds nothing: goals stay finite, and the foot in the air lands."""
     walker, here = wbc.gait.Walker(hoap2), hoap2.snapshot(hoap2.posture())
     walker.command(0.1)

@@ -83,9 +83,7 @@ def test_weak_hips_hold_a_foot_up_less_firmly(g1: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["g1", "icub"])
-def test_a_foot_that_hurries_leaves_the_pressure_where_it_is_wanted(
-    robot_named: Load, name: str
-) -> None:
+def test_a_foot_that_hurries_leaves_the_pressure_where_it_is_wanted(robot_named, name) -> None:
     """At 60 m/s^2; the CoP is that of the planned wrench."""
     robot = robot_named(name)
     start = robot.snapshot(robot.posture("standing"))

@@ -223,9 +223,7 @@ def test_joints_are_at_the_motors_that_unitree_numbers(g1: Robot, command: Comma
     assert convert.command.motor_values(data, "mode").tolist() == [1] * 29 + [0] * 6
 
 
-def test_a_motor_is_as_warm_as_the_warmer_of_its_housing_and_winding(
-    g1: Robot, reading: Reading
-) -> None:
+def test_a_motor_is_as_warm_as_the_warmer_of_its_housing_and_winding(g1, reading) -> None:
     convert = Converter(profile_named("unitree_g1"), g1)
     data = convert.low_state(reading)
     convert.state.view(data, "motor_state.3.temperature")[:] = 60, 110

@@ -136,8 +136,6 @@ def test_events_have_the_times_of_the_rows(log: Path, tmp_path: Path) -> None:
         ({"time": lambda time: time[::-1]}, "'time': must increase"),
     ],
 )
-def test_a_damaged_log_is_refused(
-    change: dict[str, object], told: str, log: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_log_is_refused(change, told, log, tmp_path) -> None:
     with pytest.raises(InvalidInputError, match=told):
         HardwareLog.load(changed(log, tmp_path / "damaged.npz", change))

@@ -99,9 +99,7 @@ def test_c3d_with_a_plate_is_read(march: March) -> None:
 
 
 @pytest.mark.parametrize("offset", [0, 40000])
-def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(
-    march: March, offset: int
-) -> None:
+def test_c3d_of_floats_that_declares_unsigned_integers_keeps_their_signs(march, offset) -> None:
     path, true = march
     _with(path, "ANALOG", FORMAT=["UNSIGNED"], readings=float(offset))
     data = bytearray(path.read_bytes())
@@ -248,9 +246,7 @@ def test_mass_of_vicons_c3d_is_read(march: March, value: float, mass: float | No
 @pytest.mark.parametrize(
     ("moments", "corners", "what"), [(1e-3, 1.0, "moments"), (1.0, 1e-3, "corners")]
 )
-def test_plates_in_another_unit_than_told_are_read(
-    march: March, moments: float, corners: float, what: str
-) -> None:
+def test_plates_in_another_unit_than_told_are_read(march, moments, corners, what) -> None:
     """N m called N mm put the CoP into the plate's middle, without a word."""
     import ezc3d
 
@@ -397,9 +393,7 @@ def test_notes_on_plates_of_another_file_are_told(march: March, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("empty", [False, True])
-def test_trc_with_repeated_names_takes_the_first_that_is_seen_with_a_note(
-    empty: bool, tmp_path: Path
-) -> None:
+def test_trc_with_repeated_names_takes_the_first_that_is_seen_with_a_note(empty, tmp_path) -> None:
     """An empty one, left over in the file, hid the marker."""
     path, (recording, _) = tmp_path / "a.trc", recorded(BODY, seconds=0.1)
     positions = recording.positions.copy()
@@ -857,9 +851,7 @@ def test_bvh_mistakes_are_refused(tmp_path: Path, change, words: str) -> None:  
         (1, (9.0, 9.0), (9.0, 9.0), None),
     ],
 )
-def test_sensors_outside_a_plate_are_noted(
-    kind: int, origin: tuple[float, float], taken: tuple[float, float], words: str | None
-) -> None:
+def test_sensors_outside_a_plate_are_noted(kind, origin, taken, words) -> None:
     corners = np.array(((0.2, 0.3, 0.0), (-0.2, 0.3, 0.0), (-0.2, -0.3, 0.0), (0.2, -0.3, 0.0)))
     found, notes = _sensors("plate", kind, corners, np.array((*origin, -0.05)))
     np.testing.assert_array_equal(found, (*taken, -0.05))

@@ -560,9 +560,7 @@ def test_y_up_in_mm_is_recognised(tmp_path) -> None:  # type: ignore[no-untyped-
         ((0, 2, 1), (1.0, -1.0, 1.0), "its y axis points down"),
     ],
 )
-def test_axes_of_other_worlds_are_refused(
-    axes: tuple[int, ...], signs: tuple[float, ...], words: str
-) -> None:
+def test_axes_of_other_worlds_are_refused(axes, signs, words) -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     with pytest.raises(RecordingError, match=words):
         human_motion(replace(recording, positions=recording.positions[:, :, axes] * signs, up=None))

@@ -37,9 +37,7 @@ def angles(robot: Robot, q: np.ndarray, *names: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("pitch", "roll"), ankle.POSES)
-def test_postures_velocities_and_torques_are_the_closed_forms(
-    robot: Robot, pitch: float, roll: float
-) -> None:
+def test_postures_velocities_and_torques_are_the_closed_forms(robot, pitch, roll) -> None:
     wanted = [ankle.crank_angle(pitch, roll, side) for side in ankle.SIDES]
     q = robot.posture("standing", {"pitch": pitch, "roll": roll})
     np.testing.assert_allclose(angles(robot, q, *MOTORS), wanted, atol=1e-11)

@@ -277,9 +277,7 @@ def torque_level(robot: Robot, q: np.ndarray, **given: object) -> TorqueControll
 
 @pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 @pytest.mark.parametrize(("pitch", "roll"), ankle.POSES)
-def test_torque_tick_of_loops_answers_the_qp_as_it_stands(
-    robot: Robot, pitch: float, roll: float, solver: str
-) -> None:
+def test_torque_tick_of_loops_answers_the_qp_as_it_stands(robot, pitch, roll, solver) -> None:
     q = robot.posture("standing", {"pitch": pitch, "roll": roll})
     controller = torque_level(robot, q, solver=solver)
     for tick, _ in commanded(controller, q, 5):  # at speed, rows have ends

@@ -82,9 +82,7 @@ def outcome(path: Path, robot: Robot, **options: object) -> Exception | None:
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_mutated_files_raise_typed_errors(
-    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, part: int
-) -> None:
+def test_mutated_files_raise_typed_errors(hoap2, good, tmp_path, part) -> None:
     named = {name: good["q"][:, 7 + k] for k, name in enumerate(hoap2.joint_names)}
     models = {
         "csv": [csv_bytes(hoap2, good)],
@@ -147,18 +145,14 @@ SOUND = "{'descr': '<f8', 'fortran_order': False, 'shape': (20,), }"
         (b"", "cannot be read"),
     ],
 )
-def test_bad_array_headers_are_refused(
-    hoap2: Robot, tmp_path: Path, array: bytes, words: str
-) -> None:
+def test_bad_array_headers_are_refused(hoap2, tmp_path, array, words) -> None:
     path = tmp_path / "h.npz"
     path.write_bytes(zip_bytes({"time.npy": array}))
     error = outcome(path, hoap2, missing="standing")
     assert isinstance(error, RecordingError) and words in str(error)
 
 
-def test_bad_archives_are_refused(
-    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path
-) -> None:
+def test_bad_archives_are_refused(hoap2, good, tmp_path) -> None:
     arrays = {f"{name}.npy": npz_entry(good, name) for name in good}
     path = tmp_path / "a.npz"
 
@@ -197,9 +191,7 @@ def npz_entry(arrays: dict[str, np.ndarray], name: str) -> bytes:
     return file.getvalue()
 
 
-def test_sizes_are_refused_before_anything_is_unpacked(
-    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sizes_are_refused_before_anything_is_unpacked(hoap2, good, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(tables, "MAX_BYTES", 10_000)
     bomb = zip_bytes({"time.npy": bytes(20_000)}, zipfile.ZIP_DEFLATED)
     assert len(bomb) < 1_000
@@ -217,9 +209,7 @@ def test_irregular_files_are_refused(hoap2: Robot, tmp_path: Path) -> None:
         assert isinstance(error, RecordingError) and "cannot be read" in str(error)
 
 
-def test_wide_and_long_text_is_refused(
-    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path
-) -> None:
+def test_wide_and_long_text_is_refused(hoap2, good, tmp_path) -> None:
     path = tmp_path / "a.csv"
     first, rest = csv_bytes(hoap2, good).decode().split("\n", 1)
     row = rest.split("\n", 1)[0]

@@ -93,9 +93,7 @@ def test_noise_as_given_is_checked_against_the_robot(hoap2: Robot) -> None:
 @pytest.mark.parametrize(
     ("count", "cutoff", "passes"), [(900, 10.0, 1), (900, None, 1), (900, 15.0, 2), (60, 8.0, 1)]
 )
-def test_filtered_noise_has_the_energy_of_all_impulse_responses(
-    count: int, cutoff: float | None, passes: int
-) -> None:
+def test_filtered_noise_has_the_energy_of_all_impulse_responses(count, cutoff, passes) -> None:
     """Against the whole recording's linear map, one impulse in each of its rows."""
     values, parts = np.eye(count), []
     for _ in range(passes):

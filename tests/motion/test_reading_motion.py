@@ -120,9 +120,7 @@ def test_rate_replaces_times(hoap2, columns, write: Write) -> None:
 
 
 @pytest.mark.parametrize("posture", ["standing", "neutral"])
-def test_missing_joints_are_of_the_named_posture(
-    hoap2, joints, columns, write: Write, posture: str
-) -> None:
+def test_missing_joints_are_of_the_named_posture(hoap2, joints, columns, write, posture) -> None:
     del columns["left_elbow_pitch"]
     k = hoap2.joint_names.index("left_elbow_pitch")
     motion = read_motion(write(columns), hoap2, missing=posture)
@@ -303,9 +301,7 @@ def test_text_in_another_encoding_is_refused(hoap2, columns, write: Write) -> No
 
 
 @pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
-def test_comments_and_byte_order_marks_are_skipped(
-    hoap2, joints, columns, write: Write, head: str
-) -> None:
+def test_comments_and_byte_order_marks_are_skipped(hoap2, joints, columns, write, head) -> None:
     path = write(columns)
     path.write_text(head + path.read_text(), encoding="utf-8")
     np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
@@ -327,9 +323,7 @@ def test_empty_cells_are_missing_numbers(hoap2, columns, write: Write) -> None:
 
 
 @pytest.mark.parametrize("whole", [False, True])
-def test_tracker_files_with_the_world_among_the_bodies_are_read(
-    whole: bool, hoap2: Robot, tmp_path: Path
-) -> None:
+def test_tracker_files_with_the_world_among_the_bodies_are_read(whole, hoap2, tmp_path) -> None:
     """As MuJoCo numbers them; holosoma's ``joint_pos`` are all of its ``qpos``."""
     place, turn = np.array([0.3, -0.2, 0.7]), np.array([0.5, 0.5, -0.5, 0.5])  # w x y z
     joints = np.tile(hoap2.limits.joint_positions(hoap2.posture("standing")), (COUNT, 1))
@@ -442,9 +436,7 @@ def test_frozen_rows_are_reported(hoap2, joints, columns, write: Write) -> None:
 
 
 @pytest.mark.parametrize("base_too", [True, False])
-def test_frozen_base_is_filled_with_the_joints(
-    hoap2, columns, write: Write, rng, base_too: bool
-) -> None:
+def test_frozen_base_is_filled_with_the_joints(hoap2, columns, write, rng, base_too) -> None:
     columns |= (base := base_columns(rng))
     true = np.column_stack(list(base.values()))
     for name, values in columns.items():

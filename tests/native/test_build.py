@@ -76,9 +76,7 @@ def test_compiler_is_the_one_asked_for_then_pythons_own_then_the_systems(
     assert f"{sys.executable} -m ziglang cc" in build_backend.ZIG
 
 
-def test_what_is_missing_for_the_build_is_said(
-    nothing_installed: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_what_is_missing_for_the_build_is_said(nothing_installed, monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(build_backend, "find_spec", lambda name: None)
     with pytest.raises(build_backend.CoreBuildError, match=r"no C compiler \(cc, gcc, clang\)"):
         build_backend.build_editable("folder")

@@ -183,9 +183,7 @@ def test_a_pendulum_takes_part_but_has_no_seeds(tmp_path: Path) -> None:
         load(tmp_path, "problems: [lean.yaml]\nseeds: 2\n")
 
 
-def test_files_are_found_in_the_home_and_pipes_are_not_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_are_found_in_the_home_and_pipes_are_not_read(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     os.mkfifo(tmp_path / "hoap2_like")  # reading one that nobody writes to has no end
     text = "problems: [~/stand.yaml]\nset: {robot: hoap2_like}\n"

@@ -155,9 +155,7 @@ def test_a_contact_must_be_one_in_some_phase_with_the_task(tmp_path: Path) -> No
         ("{type: cop, target: [0, 0]}", "[0, 0, 0]", "needs 2 entries as in the task itself, got"),
     ],
 )
-def test_phases_keep_the_form_of_a_target(
-    tmp_path: Path, task: str, target: str, words: str
-) -> None:
+def test_phases_keep_the_form_of_a_target(tmp_path, task, target, words) -> None:
     phases = f"phases:\n  only: {{duration: 0.1, tasks: {{t: {{target: {target}}}}}}}\n"
     said = complaint(tmp_path, task, MOTION.split("simulation")[0] + phases)
     assert f"phases.only.tasks.t.target: {words}" in said

@@ -112,9 +112,7 @@ def test_the_history_is_a_motion_that_may_be_made(one: Problem, result: Result) 
 
 
 @pytest.mark.slow
-def test_a_run_can_be_repeated_and_the_seed_matters(
-    one: Problem, result: Result, tmp_path: Path
-) -> None:
+def test_a_run_can_be_repeated_and_the_seed_matters(one, result, tmp_path) -> None:
     again = one.run()
     np.testing.assert_array_equal(again.history.q, result.history.q)
     shared = problem(tmp_path, TEXT, {"controller.workers": 2}).run()
@@ -190,9 +188,7 @@ def test_the_time_budget_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_posture_that_cannot_be_reached_is_passed_over(
-    one: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_posture_that_cannot_be_reached_is_passed_over(one, tmp_path, monkeypatch) -> None:
     """A dream with its feet elsewhere, better than all others: tried first, then the next."""
     solve = GlobalShaping.solve
     wrong = one.parts.robot.posture("standing", {"left_hip_roll": 0.4, "left_knee_pitch": 1.5})
@@ -225,9 +221,7 @@ def test_no_posture_reached_is_no_success(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("policy", "ticks"), [("hold", 10), ("raise", 1)])
-def test_a_qp_that_fails_is_told(
-    tmp_path: Path, policy: str, ticks: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_qp_that_fails_is_told(tmp_path, policy, ticks, monkeypatch) -> None:
     let_ticks_fail(monkeypatch, Status.CONTRADICTED)
     overrides = {"controller.on_failure": policy, "controller.attempts": 1, "controller.starts": 1}
     told = problem(tmp_path, TEXT, overrides).run()
@@ -237,9 +231,7 @@ def test_a_qp_that_fails_is_told(
 
 
 @pytest.mark.slow
-def test_without_a_posture_there_is_no_result(
-    one: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_posture_there_is_no_result(one, monkeypatch) -> None:
     """As if limits were a radian narrower than the search knows: nothing it finds is allowed."""
     narrow = Tolerances(contact=1e-6, limit=-1.0, support=1e-7, clearance=1e-6)
     monkeypatch.setattr("wbc.shaping.evaluation.IPOPT_TOLERANCES", narrow)
@@ -265,9 +257,7 @@ def test_without_a_posture_there_is_no_result(
     ],
     ids=lambda overrides: next(iter(overrides)),
 )  # fmt: skip
-def test_the_rest_of_the_file_means_what_it_always_does(
-    tmp_path: Path, overrides: dict[str, Any]
-) -> None:
+def test_the_rest_of_the_file_means_what_it_always_does(tmp_path, overrides) -> None:
     common = {"controller.starts": 4, "stop.duration": 5.0}
     one = problem(tmp_path, TEXT, {**common, **overrides})
     told = one.run()
@@ -281,9 +271,7 @@ def test_the_rest_of_the_file_means_what_it_always_does(
         assert set(told.history.slip) == {"left_sole"}
 
 
-def test_the_command_line_prints_the_search(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_line_prints_the_search(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", np.inf)  # however busy the machine is
     (tmp_path / "p.yaml").write_text(TEXT)
     answer = wbc_command("run", tmp_path / "p.yaml", "-o", tmp_path / "r.json")

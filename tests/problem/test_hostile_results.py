@@ -7,7 +7,7 @@ import copy
 import json
 import os
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -155,9 +155,7 @@ def fuzz(arrays: Arrays, folder: Path, seed: int, count: int) -> int:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Matplotlib: numbers that fit into no axes
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_results_are_refused_or_reported(
-    kind: str, results: dict[str, Arrays], tmp_path: Path
-) -> None:
+def test_damaged_results_are_refused_or_reported(kind, results, tmp_path) -> None:
     count = max(COUNT // 3, 1)
     refused = fuzz(results[kind], tmp_path, list(KINDS).index(kind), count)
     assert count // 4 < refused < count  # hostile, and not refused for being one of its kind
@@ -182,9 +180,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("where", FAULTS)
-def test_damage_of_a_summary_is_named(
-    where: str, results: dict[str, Arrays], tmp_path: Path
-) -> None:
+def test_damage_of_a_summary_is_named(where, results, tmp_path) -> None:
     value, said = FAULTS[where]
     arrays = copy.copy(results["run"])
     summary = part = json.loads(str(arrays["summary"]))
@@ -212,9 +208,7 @@ def test_damage_of_a_summary_is_named(
         ("obstacles/room/ball/radius", lambda radius: -radius, "radius"),
     ],
 )
-def test_damage_of_an_array_is_named(
-    name: str, change: Callable[[Any], Any], said: str, results: dict[str, Arrays], tmp_path: Path
-) -> None:
+def test_damage_of_an_array_is_named(name, change, said, results, tmp_path) -> None:
     np.savez(tmp_path / "r.npz", **{**results["run"], name: change(results["run"][name])})
     with pytest.raises(InvalidInputError, match=said):
         load_result(tmp_path / "r.npz")

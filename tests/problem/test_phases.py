@@ -222,9 +222,7 @@ def test_phases_need_not_fit_the_time_step(tmp_path: Path) -> None:
         ({"position": {"offset": [0, 0, -0.004]}}, " mm below the ground"),
     ],
 )
-def test_a_foot_in_the_air_cannot_be_stood_on(
-    tmp_path: Path, target: dict[str, Any], words: str
-) -> None:
+def test_a_foot_in_the_air_cannot_be_stood_on(tmp_path, target, words) -> None:
     one = problem(tmp_path, {"phases.down.tasks.foot.target": target})
     result = one.run()
     assert result.status is RunStatus.NOT_STANDING
@@ -247,9 +245,7 @@ def test_what_is_not_a_foot_may_be_held_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("controller", [{"method": "pseudo_inverse", "dt": 0.01}, None])
-def test_strict_levels_and_other_controllers(
-    tmp_path: Path, controller: dict[str, Any] | None
-) -> None:
+def test_strict_levels_and_other_controllers(tmp_path, controller) -> None:
     overrides: dict[str, Any] = {"tasks.calm.priority": 1, "tasks.torso.priority": 1}
     result = problem(
         tmp_path, overrides if controller is None else {"controller": controller}
@@ -272,9 +268,7 @@ def test_without_phases_there_is_one_without_a_name(tmp_path: Path) -> None:
     assert set(floating.history.support) == {""}
 
 
-def test_a_task_that_comes_in_is_not_said_to_do_nothing(
-    tmp_path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_task_that_comes_in_is_not_said_to_do_nothing(tmp_path, caplog) -> None:
     """Its ramp begins near 0: each such task of a problem was warned of in Python's log."""
     text = (
         "robot: hoap2_like\nsupport: double\n"

@@ -25,9 +25,7 @@ def loader(folder: Path, text: str = PUSHED, **settings: object) -> LoadPushed:
 
 
 @pytest.mark.slow
-def test_a_small_push_is_survived_a_large_one_is_not_and_order_does_not_matter(
-    tmp_path: Path,
-) -> None:
+def test_a_small_push_is_survived_a_large_one_is_not_and_order_does_not_matter(tmp_path) -> None:
     load = loader(tmp_path)
     one = load()
     angle = 0.25 * math.pi
@@ -53,9 +51,7 @@ def test_who_still_moves_in_the_end_has_not_survived(tmp_path: Path) -> None:
     "acts",
     ["wrenches: [{frame: torso, force: [60, 0, 0], told: false}]", "start: {velocity: [2, 0, 0]}"],
 )
-def test_wrenches_and_the_start_of_the_file_are_there_when_it_is_pushed(
-    tmp_path: Path, acts: str
-) -> None:
+def test_wrenches_and_the_start_of_the_file_are_there_when_it_is_pushed(tmp_path, acts) -> None:
     quiet = "simulation: {duration: 1.0}\n"
     assert loader(tmp_path, STAND + quiet)()(0.0, 0.0).survived
     acted_on = loader(tmp_path, STAND + quiet.replace("1.0", f"1.0, {acts}"))()

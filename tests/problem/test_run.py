@@ -158,9 +158,7 @@ def test_progress_is_told(tmp_path: Path) -> None:
 
 # A solver that contradicts itself on every tick: the controller then uses its declared policy.
 @pytest.mark.parametrize(("policy", "ticks"), [("hold", 20), ("damp", 20), ("raise", 1)])
-def test_failed_ticks_end_as_qp_failed(
-    tmp_path: Path, policy: str, ticks: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_ticks_end_as_qp_failed(tmp_path, policy, ticks, monkeypatch) -> None:
     let_ticks_fail(monkeypatch, Status.CONTRADICTED)
     overrides = {"stop.duration": 0.1, "controller.on_failure": policy}
     result = problem(tmp_path, FLOATING, overrides).run()

@@ -152,9 +152,7 @@ def test_identical_runs_have_identical_bits() -> None:
     assert first == second
 
 
-def test_where_the_files_of_a_run_elsewhere_are_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_the_files_of_a_run_elsewhere_are_is_said(tmp_path, monkeypatch) -> None:
     """The robot's file was just not there, without a word on the result or on where to go."""
     there, here = tmp_path / "there", tmp_path / "here"
     there.mkdir(), here.mkdir()

@@ -64,9 +64,7 @@ def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("duration", "told"), [(0.15, True), (0.2, False)])
-def test_a_push_that_the_end_cuts_short_is_told(
-    tmp_path: Path, duration: float, told: bool
-) -> None:
+def test_a_push_that_the_end_cuts_short_is_told(tmp_path, duration, told) -> None:
     result = problem(tmp_path, overrides={"simulation.duration": duration}).simulate()
     words = "the push on base from 0.1 s on lasts until 0.2 s, and was over with the simulation"
     assert any(words in note for note in result.notes) is told
@@ -88,9 +86,7 @@ def test_the_cop_counts_from_the_first_step_on(tmp_path: Path) -> None:
         ("frame: left_sole", ""),
     ],
 )
-def test_contacts_that_the_simulation_does_not_have_are_told(
-    tmp_path: Path, left: str, words: str
-) -> None:
+def test_contacts_that_the_simulation_does_not_have_are_told(tmp_path, left, words) -> None:
     """Grips bore 200 N of a falling robot in silence; at a sole's point they were a traceback."""
     text = STAND.replace("support: double", f"support: [right_sole, {{{left}}}]")
     result = problem(tmp_path, text + "simulation: {duration: 0.1}\n").simulate()
@@ -356,7 +352,5 @@ def test_payloads_and_wrenches_of_a_file_are_known_recorded_and_drawn(tmp_path: 
         ({"robot.payload": [{"frame": "hand", "mass": 1.0}]}, "unknown frame 'hand'"),
     ],
 )  # fmt: skip
-def test_mistakes_in_payloads_and_wrenches_are_named(
-    tmp_path: Path, change: dict[str, Any], said: str
-) -> None:
+def test_mistakes_in_payloads_and_wrenches_are_named(tmp_path, change, said) -> None:
     assert said in complaint_of(tmp_path, CARRYING, change)

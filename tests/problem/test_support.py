@@ -68,9 +68,7 @@ def test_feet_are_listed_by_their_names_beside_frames(tmp_path: Path) -> None:
         ("[front_left, front_left_sole]", "all", "frame 'front_left_sole' is named twice"),
     ],
 )
-def test_words_that_do_not_fit(
-    tmp_path: Path, quadruped, support: str, over: str, words: str
-) -> None:
+def test_words_that_do_not_fit(tmp_path, quadruped, support, over, words) -> None:
     with pytest.raises(ProblemFileError, match=words):
         load(tmp_path, quadruped, support, over)
 

@@ -85,9 +85,7 @@ def test_settings_arrive(tmp_path: Path) -> None:
     ("friction", "coefficient", "facets"),
     [(None, 0.6, 8), (0.4, 0.4, 8), ({"least": 1.0}, 0.6, 8), ({"facets": 4}, 0.6, 4)],
 )
-def test_soles_have_a_walkers_facets(
-    tmp_path: Path, friction: Any, coefficient: float, facets: int
-) -> None:
+def test_soles_have_a_walkers_facets(tmp_path, friction, coefficient, facets) -> None:
     given = {} if friction is None else {"controller": {"level": "torque", "friction": friction}}
     walker = walker_in(problem(tmp_path, overrides=given))
     (left, _) = walker.controller.contacts
@@ -122,9 +120,7 @@ def test_constraints_give_way_as_they_say(tmp_path: Path) -> None:
         ({"target": {"loop": {"left_elbow_pitch": [0.2, 0.0]}, "period": 0.5}}, (0.0, -0.4, 0.0)),
     ],
 )
-def test_targets_of_other_tasks_move_as_they_say(
-    tmp_path: Path, target: Any, angles: tuple[float, ...]
-) -> None:
+def test_targets_of_other_tasks_move_as_they_say(tmp_path, target, angles) -> None:
     """They were at their ends from the first tick on, and loops were not gone round."""
     arms = {"type": "posture", "weight": 0.5, "joints": {"*elbow*": 1}, **target}
     one = problem(tmp_path, overrides={"tasks": {"arms": arms}})

@@ -25,9 +25,7 @@ OURS = ("active_set", "proxqp", "proxqp_cold")
         *product(installed_solvers(), (0, 2), (3,)),  # the pseudo-inverse keeps no inequality rows
     ],
 )
-def test_points_and_multipliers_have_the_sizes_of_the_qp(
-    name: str, me: int, mi: int, solvable
-) -> None:
+def test_points_and_multipliers_have_the_sizes_of_the_qp(name, me, mi, solvable) -> None:
     qp = solvable(np.random.default_rng(3), me=me, mi=mi)
     found = make_backend(name).solve(qp)
     assert found.solved or name == "pseudo_inverse"

@@ -300,9 +300,7 @@ def test_rows_that_only_repair_what_is_lost_beyond_reach_are_not_blamed() -> Non
         *(pytest.param(10.0**k, 40, marks=pytest.mark.slow) for k in (0, -2, -4, -5, -6)),
     ],
 )
-def test_every_conflict_named_is_one_and_needs_each_of_its_rows(
-    kind: str, gap: float, count: int
-) -> None:
+def test_every_conflict_named_is_one_and_needs_each_of_its_rows(kind, gap, count) -> None:
     """Of gaps that are plain nearly all are proved; below, what is proved is true."""
     rng, seen = np.random.default_rng(31), Counter[Status]()
     for _ in range(count):

@@ -184,9 +184,7 @@ def some_point(rng: np.random.Generator, qp: QP) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_cost_in_doubt_is_the_sum_over_bounds_and_the_gradient_left(
-    solvable, seed: int
-) -> None:
+def test_the_cost_in_doubt_is_the_sum_over_bounds_and_the_gradient_left(solvable, seed) -> None:
     """Multiplier times distance to the end it points at, where it is larger than that distance."""
     rng = np.random.default_rng(seed)
     qp = solvable(rng)

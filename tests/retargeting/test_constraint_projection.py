@@ -86,9 +86,7 @@ def margins_kept(robot: Robot, q: Array) -> bool:
         ("right_hip_roll", -0.1),  # 4 mm off after 14 iterations
     ],
 )
-def test_disturbed_motion_is_feasible_after_projection(
-    step: wbc.Retargeted, joint: str, by: float
-) -> None:
+def test_disturbed_motion_is_feasible_after_projection(step, joint, by) -> None:
     robot, dt = step.robot, step.targets.dt
     (name,) = (one for one in robot.joint_names if one.startswith(joint))
     q = disturbed(step, name, by, 12, 15)

@@ -88,9 +88,7 @@ def test_frames_in_flight_leave_the_cop_undefined(cop: Array) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 22, 24])
-def test_a_trembling_cop_over_feet_that_roll_is_brought_as_near_as_a_qp_brings_it(
-    seed: int,
-) -> None:
+def test_a_trembling_cop_over_feet_that_roll_is_brought_as_near_as_a_qp_brings_it(seed) -> None:
     """The active set cycled: CoMs were off by up to 116 mm, those of recorded people by 45."""
     rng = np.random.default_rng(seed)
     cop = 0.02 * rng.normal(size=(COUNT, 2)).cumsum(axis=0)
@@ -120,9 +118,7 @@ def test_a_trembling_cop_over_feet_that_roll_is_brought_as_near_as_a_qp_brings_i
     np.testing.assert_allclose(off, best[:n].reshape(COUNT, 2), atol=1e-6)
 
 
-def test_momentum_gradient_is_that_of_its_squares(
-    step: wbc.Retargeted, rng: np.random.Generator
-) -> None:
+def test_momentum_gradient_is_that_of_its_squares(step, rng) -> None:
     """By configurations and velocities of all frames, with a base that rotates at 1 rad/s.
 
     Central differences at 1e-6; of a base's displacement terms of order (v dt)^2/12 are left out.
@@ -194,9 +190,7 @@ def long_axis_error(found: wbc.Retargeted) -> float:
 
 
 @pytest.mark.slow
-def test_first_attempt_with_higher_weights_follows_more_closely(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_first_attempt_with_higher_weights_follows_more_closely(monkeypatch) -> None:
     human, robot = stepping(), Robot.load("hoap2_like")
     higher = wbc.retarget(human, robot)
     monkeypatch.setattr(retries, "FIRST_ATTEMPT", dict.fromkeys(retries.FIRST_ATTEMPT, 1.0))
@@ -209,9 +203,7 @@ def test_first_attempt_with_higher_weights_follows_more_closely(
     assert not higher.broken
 
 
-def test_infeasible_attempts_return_the_least_infeasible(
-    hoap2: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_infeasible_attempts_return_the_least_infeasible(hoap2, monkeypatch) -> None:
     """Lower weights may be worse: the last attempt of a Unitree H1's kick slid by 36 mm."""
     feet, made = [0.03, 0.04, 0.002, 0.05, 0.01, 0.02, 0.04], list[Projection]()
 

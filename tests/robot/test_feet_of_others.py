@@ -329,9 +329,7 @@ def test_four_legs_that_end_in_balls_are_four_points(names: tuple[str, ...]) -> 
         ((("hip_yaw", "0 0 1"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ANKLE[0]), "to a side"),
     ],
 )  # fmt: skip
-def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(
-    joints: tuple[tuple[str, str], ...], where: str
-) -> None:
+def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(joints, where) -> None:
     robot = Robot.load(biped(FOOT, joints))
     with pytest.raises(InvalidInputError, match=f"cannot swing the foot {where}"):
         Walker(robot)
@@ -488,9 +486,7 @@ def test_nothing_of_a_foot_of_round_shapes_is_below_its_sole() -> None:
 
 
 @pytest.mark.parametrize("given", [None, {side: {"link": f"{side}_foot"} for side in LEFT_RIGHT}])
-def test_a_robot_whose_root_is_a_foot_stands_on_both(
-    given: dict[str, dict[str, str]] | None,
-) -> None:
+def test_a_robot_whose_root_is_a_foot_stands_on_both(given) -> None:
     """As drawn for the stance on one foot: the base's origin is beside the middle of the feet."""
     sole = box("0 0 0", ".2 .1 .04")
     parts, below = [link("left_foot", sole)], "left_foot"

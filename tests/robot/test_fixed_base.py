@@ -152,9 +152,7 @@ def robot() -> Robot:
         ({"j3": 0.5}, [0.0, 0.1, 0.5]),
     ],
 )
-def test_named_joint_of_a_gear_moves_the_other(
-    robot: Robot, given: dict[str, float], found: list[float]
-) -> None:
+def test_named_joint_of_a_gear_moves_the_other(robot, given, found) -> None:
     np.testing.assert_allclose(robot.posture("neutral", given)[7:], found, atol=1e-9)
 
 
@@ -166,9 +164,7 @@ def test_gear_that_cannot_be_met_is_refused_by_name(robot: Robot, given: dict[st
 
 
 @pytest.mark.parametrize(("joint", "found"), [("j1", [0.3, -0.5, 0.0]), ("j2", [-0.1, 0.3, 0.0])])
-def test_posture_target_of_a_problem_names_either_end_of_a_gear(
-    tmp_path: Path, joint: str, found: list[float]
-) -> None:
+def test_posture_target_of_a_problem_names_either_end_of_a_gear(tmp_path, joint, found) -> None:
     (tmp_path / "geared.urdf").write_text(GEARED)
     target = f"{{type: posture, target: {{{joint}: 0.3}}}}"
     (task,) = problem_of(tmp_path, f"robot: geared.urdf\ntasks: {{p: {target}}}\n").parts.tasks
@@ -185,9 +181,7 @@ def test_posture_target_of_a_problem_names_either_end_of_a_gear(
         ({"j1": 0.3}, ""),
     ],
 )
-def test_state_of_a_file_that_is_off_a_gear_is_noted(
-    tmp_path: Path, values: dict[str, float], set_to: str
-) -> None:
+def test_state_of_a_file_that_is_off_a_gear_is_noted(tmp_path, values, set_to) -> None:
     joints = "".join(f'<joint name="{key}" value="{value}"/>' for key, value in values.items())
     file = tmp_path / "r.srdf"
     file.write_text(f'<robot name="r"><group_state name="bent">{joints}</group_state></robot>')

@@ -7,7 +7,6 @@ only for the masses of the primitives of a link, which a URDF does not hold.
 import importlib.util
 import sys
 from pathlib import Path
-from typing import Any
 
 import coal
 import numpy as np
@@ -102,9 +101,7 @@ def test_the_committed_file_is_what_the_generator_writes() -> None:
 
 
 @pytest.mark.parametrize("link", generator.links(), ids=lambda link: link.name)
-def test_inertia_is_that_of_the_collision_shapes(
-    model: pin.Model, shapes: pin.GeometryModel, link: Any
-) -> None:
+def test_inertia_is_that_of_the_collision_shapes(model, shapes, link) -> None:
     # A moving link's frame is its joint's, so its inertia is the joint's as well.
     body = model.frames[model.getFrameId(link.name, pin.FrameType.BODY)]
     assert body.placement == pin.SE3.Identity()

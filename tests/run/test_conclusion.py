@@ -167,9 +167,7 @@ def test_what_held_it_back_is_what_the_ticks_say(reached: tuple[Result, list[Tic
     assert longest == sorted(longest, reverse=True)
 
 
-def test_joints_at_a_bound_are_those_whose_velocity_is_at_it(
-    reached: tuple[Result, list[Tick]],
-) -> None:
+def test_joints_at_a_bound_are_those_whose_velocity_is_at_it(reached) -> None:
     result, ticks = reached
     at_bound = {label: on for label, on in result.history.active.items() if "bound" in label}
     assert at_bound
@@ -181,9 +179,7 @@ def test_joints_at_a_bound_are_those_whose_velocity_is_at_it(
             assert not held or abs(tick.velocity[k] - bound) < 1e-6  # the solver's accuracy
 
 
-def test_constraints_that_may_give_way_are_told_too_but_not_judged(
-    reached: tuple[Result, list[Tick]],
-) -> None:
+def test_constraints_that_may_give_way_are_told_too_but_not_judged(reached) -> None:
     result, _ = reached
     assert result.yielding == {"desk"}
     told = result.summary()["constraints"]
@@ -196,9 +192,7 @@ def test_constraints_that_may_give_way_are_told_too_but_not_judged(
     assert nearest <= {"wall", "ball"}
 
 
-def test_targets_and_points_are_where_the_error_is_between_them(
-    reached: tuple[Result, list[Tick]],
-) -> None:
+def test_targets_and_points_are_where_the_error_is_between_them(reached) -> None:
     history = reached[0].history
     error = history.points["hand"] - history.targets["hand"]
     np.testing.assert_allclose(error, history.errors["hand"], atol=1e-15)  # NaN where it is off
@@ -216,9 +210,7 @@ def test_obstacles_are_where_they_move_to(reached: tuple[Result, list[Tick]]) ->
     assert isinstance(ball.shape, Capsule) and ball.shape.radius == 0.05
 
 
-def test_the_table_is_the_run_and_can_be_read_as_a_motion(
-    reached: tuple[Result, list[Tick]], tmp_path: Path
-) -> None:
+def test_the_table_is_the_run_and_can_be_read_as_a_motion(reached, tmp_path) -> None:
     result, _ = reached
     result.save(tmp_path / "r.csv")
     with (tmp_path / "r.csv").open() as file:

@@ -92,9 +92,7 @@ def test_other_endings_are_refused(result: Result, tmp_path: Path, name: str) ->
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_failed_save_leaves_the_old_file(
-    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_save_leaves_the_old_file(result, tmp_path, monkeypatch) -> None:
     file = tmp_path / "r.npz"
     file.write_text("old")
 

@@ -147,9 +147,7 @@ def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
     ({"accept": {"t": 1.0}}, True, 0, float("nan"), "not_reached", "error nan"),
     ({"accept": {"t": 1.0}}, True, 3, 0.5, "qp_failed", "3 of 9 ticks"),
 ])  # fmt: skip
-def test_what_an_end_is_called(
-    stop: dict[str, Any], at_rest: bool, failed: int, error: float, status: str, words: str
-) -> None:
+def test_what_an_end_is_called(stop, at_rest, failed, error, status, words) -> None:
     ended, reason = run_status(Stop(**stop), at_rest, failed, 9, {"t": error})
     assert ended.value == status
     assert words in reason

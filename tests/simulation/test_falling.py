@@ -64,9 +64,7 @@ def test_toes_on_joints_of_their_own_may_touch_the_ground() -> None:
         (Terrain(), "the ground"),
     ],
 )
-def test_what_a_link_touched_is_told_and_whether_it_did_at_the_start(
-    terrain: Terrain, what: str
-) -> None:
+def test_what_a_link_touched_is_told_and_whether_it_did_at_the_start(terrain, what) -> None:
     plant = Plant(Robot.load("hoap2_like"), terrain=terrain)
     q, _ = plant.state()
     watch = FallWatch(plant, FallLimits())

@@ -197,9 +197,7 @@ def test_mistakes_are_typed() -> None:
 
 
 @pytest.mark.parametrize("mode", ["double", "right", "floating"])
-def test_forward_dynamics_give_the_acceleration_of_the_tick(
-    mode: str, humanoid: Robot, rng: np.random.Generator
-) -> None:
+def test_forward_dynamics_give_the_acceleration_of_the_tick(mode, humanoid, rng) -> None:
     """Oracle: MuJoCo's accelerations under the tick's torques and contact forces."""
     robot = humanoid
     standing = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
@@ -250,9 +248,7 @@ def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
 @pytest.mark.parametrize(
     ("name", "seconds", "armature"), [("g1", 0.6, 0.003), ("g1", 0.35, 0.003), ("talos", 0.7, None)]
 )
-def test_a_crouch_into_the_ankles_limits_does_not_chatter(
-    name: str, seconds: float, armature: float | None
-) -> None:
+def test_a_crouch_into_the_ankles_limits_does_not_chatter(name, seconds, armature) -> None:
     """The forces' total variation: one weight and back is 2, and 100 where limits chattered."""
     robot = wbc.Robot.load(name, **({} if armature is None else {"armature": armature}))
     plant = Plant(robot)

@@ -195,9 +195,7 @@ def test_a_fallen_robot_lies_on_the_ground() -> None:
         ("pushs", [], "no attribute 'pushs'; did you mean 'pushes'"),
     ],
 )
-def test_attributes_assigned_later_that_would_do_nothing_are_refused(
-    name: str, value: object, told: str
-) -> None:
+def test_attributes_assigned_later_that_would_do_nothing_are_refused(name, value, told) -> None:
     with pytest.raises(InvalidInputError, match=told):
         setattr(Plant(load("hoap2_like")), name, value)
 

@@ -186,9 +186,7 @@ def test_the_kinematic_controller_refuses_them_by_name(g1: Robot, here: Snapshot
 
 
 @pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1), (2, 2)])
-def test_an_expression_of_another_shape_is_refused(
-    g1: Robot, here: Snapshot, rows, numbers
-) -> None:
+def test_an_expression_of_another_shape_is_refused(g1, here, rows, numbers) -> None:
     """Either of its parts is enough, and so is a third one."""
 
     class Wrong(ForceTask):

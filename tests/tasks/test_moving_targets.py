@@ -186,9 +186,7 @@ def assert_close(actual: np.ndarray, expected: np.ndarray, relative: float) -> N
 
 
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)
-def test_rate_and_drift_of_a_moving_target(
-    maker: Callable[..., Moving], robot: Robot, rng, random_snapshot
-) -> None:
+def test_rate_and_drift_of_a_moving_target(maker, robot, rng, random_snapshot) -> None:
     for _ in range(2):
         here = random_snapshot(robot, rng)
         a = rng.normal(size=robot.nv)
@@ -252,9 +250,7 @@ def test_either_motion_of_a_target_may_be_given_alone(hoap2) -> None:
 
 
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)
-def test_a_target_that_is_assigned_is_at_rest(
-    maker: Callable[..., Moving], hoap2, rng, random_snapshot
-) -> None:
+def test_a_target_that_is_assigned_is_at_rest(maker, hoap2, rng, random_snapshot) -> None:
     here = random_snapshot(hoap2, rng)
     moving = maker(hoap2, here, some_frame(hoap2), rng)
     task = moving.task

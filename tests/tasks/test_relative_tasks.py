@@ -1,7 +1,5 @@
 """Tasks between frames and at rest: in controllers, held exactly, in files and in the search."""
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -117,9 +115,7 @@ def test_symbolic_errors_are_the_residuals(case: str, g1_27: Robot, rng) -> None
     ],
 )
 @pytest.mark.parametrize("search", [False, True])
-def test_in_files_and_in_the_global_search(
-    kind: str, keys: str, search: bool, tmp_path: Path
-) -> None:
+def test_in_files_and_in_the_global_search(kind, keys, search, tmp_path) -> None:
     if search and kind == "distance":
         keys = keys.replace(", ramp: 0.5", "")
     more = "controller: {method: global, starts: 2, workers: 1}" if search else ""

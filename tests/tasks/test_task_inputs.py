@@ -231,9 +231,7 @@ KINDS: dict[type[Task], dict[str, object]] = {
 
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_task_of_no_robot_is_an_error_that_shows_what_was_given(
-    kind: type[Task], named: bool
-) -> None:
+def test_task_of_no_robot_is_an_error_that_shows_what_was_given(kind, named) -> None:
     """The robot's name is, not what comes after it; the task is named by its kind."""
     said = f"{kind.__name__}: expected a robot as Robot.load() returns it, got 'g1'"
     make: Callable[..., Task] = kind

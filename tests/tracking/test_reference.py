@@ -44,9 +44,7 @@ def inner_times() -> np.ndarray:
         ("inertia_rate", "inertia_acceleration"),
     ],
 )
-def test_rates_are_derivatives_of_the_values(
-    reference: PlanReference, value: str, rate: str
-) -> None:
+def test_rates_are_derivatives_of_the_values(reference, value, rate) -> None:
     t = inner_times()
     ahead, behind = reference.at(t + STEP), reference.at(t - STEP)
     slope = (getattr(ahead, value) - getattr(behind, value)) / (2.0 * STEP)
@@ -84,9 +82,7 @@ def test_flight_is_ballistic_and_its_cop_moves_to_the_landing(hop: Plan, start: 
     )
 
 
-def test_a_plan_that_is_all_flight_has_its_cop_below_the_com(
-    own: RobotPendulum, start: Snapshot
-) -> None:
+def test_a_plan_that_is_all_flight_has_its_cop_below_the_com(own, start) -> None:
     """It was interpolated between no places: a ValueError."""
     up, down = (replace(own.rest, com_velocity=(0.0, 0.0, v)) for v in (0.5, -0.5))
     fly = PlanPhase("fly", 2.0 * 0.5 / own.pendulum.gravity, None, 6)
@@ -101,9 +97,7 @@ def test_targets_begin_at_the_standing_robot(reference: PlanReference, start: Sn
     np.testing.assert_allclose(first.inertia, vech(start.inertia), atol=1e-8)
 
 
-def test_targets_are_at_rest_before_and_after_the_plan(
-    reference: PlanReference, start: Snapshot
-) -> None:
+def test_targets_are_at_rest_before_and_after_the_plan(reference, start) -> None:
     assert reference.ends == pytest.approx(BEGINS + 0.8)
     inside = reference.at(BEGINS + 0.2)
     assert np.linalg.norm(inside.com_velocity) > 1e-3
@@ -170,9 +164,7 @@ def test_a_plan_that_begins_turned_is_refused(start: Snapshot, own: RobotPendulu
     assert ";" not in str(caught.value).split("; plan with")[0]  # nothing else is wrong
 
 
-def test_flights_and_supports_of_other_feet_are_refused(
-    plan: Plan, start: Snapshot, hop: Plan
-) -> None:
+def test_flights_and_supports_of_other_feet_are_refused(plan, start, hop) -> None:
     with pytest.raises(PlanMismatchError, match="'fly' is a flight"):
         check_plan(hop, start, FEET)
     check_plan(hop, start, FEET, flights=True)
@@ -180,9 +172,7 @@ def test_flights_and_supports_of_other_feet_are_refused(
         check_plan(plan, start, ("left",))
 
 
-def test_pendulum_has_mass_com_and_inertia_of_the_robot(
-    start: Snapshot, own: RobotPendulum
-) -> None:
+def test_pendulum_has_mass_com_and_inertia_of_the_robot(start, own) -> None:
     assert own.pendulum.mass == start.robot.mass
     assert own.pendulum.gravity == pytest.approx(9.81)
     np.testing.assert_array_equal(own.rest.com, start.com)
@@ -204,9 +194,7 @@ def test_axes_are_named_after_the_nearest_world_axes(own: RobotPendulum) -> None
     assert np.argmax(own.rest.radii) == 2
 
 
-def test_soles_with_margin_are_inside_the_standing_ones(
-    start: Snapshot, own: RobotPendulum
-) -> None:
+def test_soles_with_margin_are_inside_the_standing_ones(start, own) -> None:
     whole = np.array(own.soles(("left", "right")))
     inner = np.array(own.soles(("left", "right"), 0.01))
     assert polygon_margin(whole, inner).min() == pytest.approx(0.01, abs=1e-9)
@@ -237,9 +225,7 @@ def test_deviation_has_rms_largest_error_and_its_time() -> None:
     assert np.isnan([nothing.rms, nothing.worst, nothing.at]).all()
 
 
-def test_deviation_of_a_robot_at_rest_is_the_motion_of_the_plan(
-    plan: Plan, start: Snapshot
-) -> None:
+def test_deviation_of_a_robot_at_rest_is_the_motion_of_the_plan(plan, start) -> None:
     reference = PlanReference(plan, start, begins=0.1)
     time = np.arange(0.0, 1.2, 0.01)
     n = len(time)

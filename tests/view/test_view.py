@@ -15,7 +15,6 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
-from wbc.validate import Array
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure
 from wbc.view.portrait import Pose, portraits_of
 from wbc.view.series import spread
@@ -158,9 +157,7 @@ def test_legs_stand_on_the_slope_or_on_a_board(hoap2: Robot) -> None:
         ({"targets": {"hand": np.zeros((2, 3))}}, "points and targets"),
     ],
 )
-def test_a_history_that_does_not_fit_is_refused(
-    hoap2: Robot, run: Run, changes: dict[str, Array], message: str
-) -> None:
+def test_a_history_that_does_not_fit_is_refused(hoap2, run, changes, message) -> None:
     values = {"time": run.time[:2], "q": run.q[:2], "errors": {}, "inertia": np.zeros((2, 6))}
     with pytest.raises(InvalidInputError, match=message):
         run_figure(hoap2, Run(**{**values, **changes}), title="")

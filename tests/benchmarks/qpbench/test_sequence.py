@@ -84,13 +84,7 @@ def head(**keys: Any) -> Callable[[dict[str, Any]], None]:
         (lambda a: a.update(g=a["g"].astype(float)), ArrayFileError, "'g'"),
     ],
 )
-def test_what_is_no_sequence_is_refused(
-    tmp_path: Path,
-    sequence: QpSequence,
-    change: Callable[[dict[str, Any]], object],
-    kind: type[Exception],
-    told: str,
-) -> None:
+def test_what_is_no_sequence_is_refused(tmp_path, sequence, change, kind, told) -> None:
     path = tmp_path / f"odd{ENDING}"
     save_sequence(path, sequence)
     rewritten(path, change)

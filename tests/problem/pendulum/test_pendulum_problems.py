@@ -84,9 +84,7 @@ def test_results_are_saved_whole(tmp_path: Path) -> None:
         ({"plant.mass": 1e9}, PendulumStatus.CONTACT_LOST),
     ],
 )
-def test_a_run_that_ends_before_its_first_step_has_its_start(
-    overrides: dict[str, object], status: PendulumStatus, tmp_path: Path
-) -> None:
+def test_a_run_that_ends_before_its_first_step_has_its_start(overrides, status, tmp_path) -> None:
     result = load("rmp_static_lean", **overrides).run()
     assert result.status is status
     assert "at 0 s" in result.reason or "after 0 s" in result.reason

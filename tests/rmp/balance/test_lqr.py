@@ -107,9 +107,7 @@ def with_inertia(law: Lqr, offset: Array) -> object:
 @pytest.mark.parametrize(
     ("kind", "foot"), [*itertools.product(("planar", "solid"), (False, True))], ids=str
 )
-def test_it_holds_with_wrong_mass_and_inertia(
-    kind: str, foot: bool, mass: float, inertia: float
-) -> None:
+def test_it_holds_with_wrong_mass_and_inertia(kind, foot, mass, inertia) -> None:
     """From 0.1 rad of the leg with both 20 percent off; on a foot the leg may stray by less."""
     model, q0 = (PLANAR, UP_PLANAR) if kind == "planar" else (SOLID, UP_SOLID)
     polygon = None if not foot else ((-0.05, 0.2) if kind == "planar" else SQUARE)

@@ -154,9 +154,7 @@ def test_leg_and_radii_come_back_too_and_unlike_radii_do_no_harm() -> None:
         (BOUNDS, Z, (0.3, 0.0, 0.3), "radii"),
     ],
 )
-def test_unusable_arguments_are_refused(
-    bounds: LawBounds, height: float, radii: Array, message: str
-) -> None:
+def test_unusable_arguments_are_refused(bounds, height, radii, message) -> None:
     with pytest.raises(InvalidInputError, match=message):
         PointStabiliser(SolidRmp(M, G), bounds, height, radii)
 

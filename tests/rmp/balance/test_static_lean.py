@@ -59,9 +59,7 @@ def test_the_leg_stays_until_the_wheel_is_at_its_limit(mass: float, degrees: flo
 @pytest.mark.parametrize("bounds", [RATE, ANGLE])
 @pytest.mark.parametrize("degrees", [75.0, 85.0, 95.0, 110.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_errors_decay_and_the_time_left_counts_them(
-    bounds: LawBounds, degrees: float, sign: float
-) -> None:
+def test_errors_decay_and_the_time_left_counts_them(bounds, degrees, sign) -> None:
     law, q = lean(20.0, degrees, bounds)
     q, v = q + sign * OFF[0], sign * OFF[1]
     predicted = law.time_left(q, v)
@@ -80,9 +78,7 @@ def test_errors_decay_and_the_time_left_counts_them(
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("off", "accuracy"), [(0.035, 1.4e-3), (0.4, 1.4e-2)])
-def test_the_time_left_is_known_less_well_from_far_off(
-    off: float, accuracy: float, sign: float
-) -> None:
+def test_the_time_left_is_known_less_well_from_far_off(off, accuracy, sign) -> None:
     """2 degrees and 23: what is left out is squares of errors. The figures of docs/pendulum.md."""
     worst = 0.0
     for degrees in (75.0, 85.0, 95.0, 110.0):

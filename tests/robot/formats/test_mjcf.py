@@ -261,9 +261,7 @@ def content(turned: str, compiler: str, scale: float, root: str) -> str:
 )
 @pytest.mark.parametrize("degrees", [True, False])
 @pytest.mark.parametrize("root", ["<freejoint/>", ""], ids=["floating", "bolted"])
-def test_frames_are_where_mujoco_puts_them(
-    turned: str, sequence: str, degrees: bool, root: str
-) -> None:
+def test_frames_are_where_mujoco_puts_them(turned, sequence, degrees, root) -> None:
     """In MuJoCo's own zero posture, the root where the file puts it, but for the joints."""
     compiler = f'angle="{"degree" if degrees else "radian"}" eulerseq="{sequence}"'
     scale = 1.0 if degrees else np.pi / 180.0

@@ -173,9 +173,7 @@ SLIDES = SIX[: SIX.index('<joint name="tilt"')]
     ],
     ids=["six joints", "slides and a ball"],
 )
-def test_joints_that_move_the_root_any_way_are_its_floating_base(
-    joints: str, names: str, turns: str
-) -> None:
+def test_joints_that_move_the_root_any_way_are_its_floating_base(joints, names, turns) -> None:
     """As files of models of people and of robots that learn to walk have them."""
     root = TRUNK.replace("<freejoint/>", joints)
     keys = f'<keyframe><key name="bent" qpos=".1 .2 .3 {turns} .2 -.3"/></keyframe>'
@@ -410,9 +408,7 @@ SINGLE = (
         (SINGLE, 'tendon1="b" tendon2="a" polycoef=".01 .3 .1 -.02 .03"', "j1", "j2"),
     ],
 )
-def test_two_joints_tied_by_tendons_are_a_gear(
-    tendons: str, tie: str, driven: str, joint: str
-) -> None:
+def test_two_joints_tied_by_tendons_are_a_gear(tendons, tie, driven, joint) -> None:
     tail = (
         f"<tendon>{tendons}</tendon><equality><tendon {tie}/></equality>"
         f'<actuator><motor joint="{driven}"/></actuator>'

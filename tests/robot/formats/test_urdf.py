@@ -376,9 +376,7 @@ def test_a_follower_locked_without_its_driver_is_told(held: str, told: bool) -> 
         ('multiplier="0" offset=".4"', "-1 1", (0.0, 0.4)),
     ],
 )
-def test_standing_moves_a_driver_that_its_mimic_joint_cannot_follow(
-    tie: str, own: str, standing: tuple[float, float]
-) -> None:
+def test_standing_moves_a_driver_that_its_mimic_joint_cannot_follow(tie, own, standing) -> None:
     lower, upper = own.split()
     limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
     follower = joint("k", "b", "c", inside=f'<mimic joint="j" {tie}/>', limit=limit)
@@ -401,9 +399,7 @@ def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path, wh
 @pytest.mark.parametrize(
     ("variable", "share"), [("ROS_PACKAGE_PATH", "ws"), ("AMENT_PREFIX_PATH", "ws/share")]
 )
-def test_a_mesh_is_found_where_ros_has_its_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, share: str
-) -> None:
+def test_a_mesh_is_found_where_ros_has_its_package(tmp_path, monkeypatch, variable, share) -> None:
     package = tmp_path / share / "arm"
     package.mkdir(parents=True)
     (package / "cube.obj").write_text(CUBE)

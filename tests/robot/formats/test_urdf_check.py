@@ -93,9 +93,7 @@ def wider(model: pin.Model) -> None:
         (wider, "the range of joint 'j1'"),
     ],
 )
-def test_a_wrong_reading_is_refused_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Callable[[pin.Model], None], said: str
-) -> None:
+def test_a_wrong_reading_is_refused_by_name(tmp_path, monkeypatch, fault, said) -> None:
     """Each of these faults is put into what Pinocchio made of the file."""
     real = pin.buildModelFromXML
 
@@ -116,9 +114,7 @@ def test_what_mujoco_cannot_read_is_not_compared(tmp_path: Path, compared: list[
     assert compared == []
 
 
-def test_without_mujoco_urdfs_are_read_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compared: list[Path]
-) -> None:
+def test_without_mujoco_urdfs_are_read_all_the_same(tmp_path, monkeypatch, compared) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     assert Robot.load(write(tmp_path), base="fixed").nv == 9
     assert compared == []

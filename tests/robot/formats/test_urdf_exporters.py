@@ -173,9 +173,7 @@ def note_of(text: str) -> str:
         ("</link>", "<contact/></link>", "<contact> of link 'trunk' and 2 more", ""),
     ],
 )
-def test_unknown_word_is_told_with_its_place_and_what_is_meant(
-    right: str, wrong: str, told: str, meant: str
-) -> None:
+def test_unknown_word_is_told_with_its_place_and_what_is_meant(right, wrong, told, meant) -> None:
     note = note_of(ARM.replace(right, wrong, 1 if wrong != "<contact/></link>" else 3))
     assert told in note
     assert (f"(is {meant!r} meant?)" in note) == bool(meant)
