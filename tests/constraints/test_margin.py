@@ -13,7 +13,6 @@ from wbc.constraints.margin import (
     BrakingParameters,
     Margin,
     _clearance_before,
-    point_curvature_bound,
 )
 from wbc.constraints.rows import Bounds, Distances, stack
 from wbc.controllers import KinematicController
@@ -134,16 +133,6 @@ def test_the_greediest_approach_brakes_as_declared_and_never_turns(hoap2, gain, 
     assert x == pytest.approx(1.0 - SKIN, abs=1e-3)
 
 
-@pytest.mark.parametrize("room", [0.0, 1e-12, 1e-3, 0.5, 1e5])
-@pytest.mark.parametrize("braking", [0.1, 10.0])
-def test_speed_towards_a_margin_leaves_just_enough_room(hoap2, room: float, braking: float) -> None:
-    """From u: one tick at u, then braking evenly, ends exactly at the room's end."""
-    wall = Walls(hoap2, [0.0], braking=BrakingParameters(deceleration=braking, gain=1.0))
-    u = -wall.rows(at(hoap2, -SKIN - room), DT).lower[0]
-    # The clearance is a difference of numbers about SKIN: 1e-19 of it is rounding.
-    assert u * DT + u * u / (2 * braking) == pytest.approx(room, rel=1e-12, abs=1e-18)
-
-
 @pytest.mark.parametrize("x", [0.0, 0.9999, 1.0, 1.00005, 1.01, 5.0])
 @pytest.mark.parametrize("speed", [0.0, 0.3, -0.3, 100.0])
 def test_rest_is_always_allowed(hoap2, x: float, speed: float) -> None:
@@ -160,17 +149,6 @@ def test_inside_it_is_pushed_out_at_a_bounded_rate(hoap2) -> None:
     np.testing.assert_allclose(deep.target, [0.05])
     np.testing.assert_allclose(shallow.target, [0.2 / DT * 1e-4], rtol=1e-9)
     assert wall.rows(at(hoap2, 1.0 - 0.5 * SKIN), DT).push is None  # in its skin only
-    # Following the push: out of the margin, monotonically, and no farther.
-    x = 1.02
-    for _ in range(400):
-        rows = wall.rows(at(hoap2, x), DT)
-        if rows.push is None:
-            break
-        assert rows.push.target[0] > 0.0
-        x -= DT * rows.push.target[0]
-        if x < 1.0 + 1e-12:
-            break
-    assert x == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_wall_that_comes_nearer_slows_the_approach_and_then_pushes(hoap2) -> None:
@@ -325,14 +303,6 @@ def test_distances_are_matched_by_their_keys() -> None:
         np.testing.assert_array_equal(clearance, np.inf)
         np.testing.assert_array_equal(rate, 0.0)
         assert clearance.dtype == float
-
-
-def test_the_bound_on_bends_of_points() -> None:
-    """Half of angle times (lever of a metre times angle, and what the base slides)."""
-    step = np.array([1e-2, -2e-2, 3e-2, 1e-3, 2e-3, -3e-3, 4e-3])
-    three = Distances(np.arange(3), np.zeros(3), np.zeros((3, 7)), None)
-    expected = 0.5 * 1e-2 * (1.0 * 1e-2 + 6e-2)
-    np.testing.assert_allclose(point_curvature_bound(three, step), [expected] * 3, rtol=1e-12)
 
 
 def test_a_base_that_slides_and_turns_bends_its_way(hoap2) -> None:

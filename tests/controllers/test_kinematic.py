@@ -10,7 +10,6 @@ from tests.standing import commanded
 from wbc.constraints import Limits, PointContact, support
 from wbc.controllers import KinematicController
 from wbc.controllers.tick import Times
-from wbc.errors import InvalidInputError
 from wbc.qp import QP, make_backend
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
@@ -191,17 +190,6 @@ def test_the_plain_step_of_the_paper(hoap2) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("mode", ["floating", "left", "double"])
-def test_without_active_limits_it_is_the_qp(mode: str, g1_27, rng) -> None:
-    here = g1_27.snapshot(g1_27.posture("standing"))
-    tasks = [ComTask(g1_27, here.com + [0.001, 0, 0]), InertiaTask(g1_27, here.inertia, weight=0.1)]
-    same = {"contacts": support(here, mode), "limits": Limits(g1_27), "damping": 1e-3}
-    by_qp = KinematicController(g1_27, tasks, **same).step(here)
-    baseline = KinematicController(g1_27, tasks, solver="pseudo_inverse", **same).step(here)
-    np.testing.assert_allclose(baseline.velocity, by_qp.velocity, atol=1e-6)
-    assert baseline.solution.residuals.dual < 1e-6
-
-
 @pytest.mark.parametrize("rows", [1, 3])
 def test_rows_that_repeat_others_to_rounding_count_once(rows: int, rng) -> None:
     """Oracle: the least cost in the null space of the rows without the last, by SVD."""
@@ -225,10 +213,3 @@ def test_clipping_is_not_the_optimum_and_says_so(hoap2) -> None:
     residuals = baseline.solution.residuals
     assert max(residuals.primal, residuals.dual, residuals.complementarity) > 1e-3
     assert max(by_qp.solution.residuals.dual, by_qp.solution.residuals.primal) < 1e-6
-
-
-def test_what_is_no_qp_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match="QP"):
-        make_backend("pseudo_inverse").solve(
-            QP.build(np.eye(2), [1.0, 0.0])._replace(g=np.zeros(3))
-        )

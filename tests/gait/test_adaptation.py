@@ -59,18 +59,6 @@ def test_a_steady_walk_is_left_alone(left: float) -> None:
     np.testing.assert_allclose(plan.vrp, 0.0, atol=1e-5)
 
 
-def test_what_is_planned_is_where_the_pendulum_goes() -> None:
-    """With the VRP at the foot the DCM arrives at the next foot plus the offset, exactly."""
-    still = BOUNDS._replace(sole=np.zeros(2))
-    dcm = steady_dcm(0.25) + (0.04, -0.02)
-    plan = adapt_step(dcm, nominal(0.25), still, OMEGA, TIMES.double)
-    assert plan.place[0] > STEP[0]  # pushed forwards, it steps further
-    moving = dcm * math.exp(OMEGA * plan.left)
-    shift = VrpSegment(np.zeros(2), plan.place, TIMES.double)
-    back = shift.dcm_before(plan.place + plan.offset, TIMES.double, OMEGA)
-    np.testing.assert_allclose(moving, back, atol=1e-9)
-
-
 def test_the_sole_does_less_the_less_time_is_left() -> None:
     """The pendulum, with the VRP where it is planned, is where the next step begins: exactly."""
     dcm = steady_dcm(0.25) + (0.06, -0.02)

@@ -66,12 +66,6 @@ def test_feet_turn_no_farther_than_the_limits_of_their_hips(robot_named: Load) -
     assert turn[1] == pytest.approx(turn[0] - 0.08) and turn[2] == 0.0
 
 
-def test_turns_are_limited_too(legs: Legs) -> None:
-    limits = CommandLimits.of(legs, GaitSettings.of(legs))
-    admitted = limits.admit(0.0, 0.0, -99.0)
-    assert admitted.velocity.yaw_rate == -limits.turning and "rad/s" in admitted.reason
-
-
 def test_the_height_for_a_reach_is_the_inverse_of_the_reach(legs: Legs) -> None:
     reach = legs.reach(legs.com_height)
     assert legs.com_height_for(reach) == pytest.approx(legs.com_height)

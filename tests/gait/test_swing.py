@@ -25,29 +25,6 @@ def test_an_unchanged_goal_is_met_on_one_curve_of_least_jerk() -> None:
         np.testing.assert_allclose(now.value, curve, atol=1e-9)
 
 
-def test_rates_are_derivatives_though_the_goal_moves(rng: np.random.Generator) -> None:
-    now, path = SwingMotion.rest(np.zeros(2)), []
-    goal = np.array((0.3, 0.1))
-    for k in range(180):
-        if k % 30 == 0:
-            goal = goal + 0.05 * rng.normal(size=2)
-        now = towards(now, goal, 0.4 - k * DT, DT)
-        path.append(now)
-    values = np.array([one.value for one in path])
-    rates = np.array([one.rate for one in path])
-    # central differences of a smooth curve: its third derivative times dt^2 / 6
-    np.testing.assert_allclose(rates[1:-1], (values[2:] - values[:-2]) / (2 * DT), atol=5e-3)
-
-
-def test_the_goal_is_met_at_rest() -> None:
-    now, goal = SwingMotion.rest(np.zeros(2)), np.array((0.3, 0.1))
-    for k in range(220):
-        goal = goal + (1e-3 if k < 150 else 0.0)
-        now = towards(now, goal, 0.4 - k * DT, DT)
-    np.testing.assert_allclose(now.value, goal, atol=1e-3)
-    np.testing.assert_allclose(now.rate, 0.0, atol=0.05)
-
-
 def test_a_foot_rises_as_fast_as_it_goes_ahead() -> None:
     """On a step of 0.35 m, lifted by 5.8 cm: a toe 1 cm before an edge is lifted over 9 mm."""
     foot = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.058, 1.0, 0.2)

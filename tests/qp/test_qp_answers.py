@@ -145,9 +145,10 @@ def test_threads_do_not_share_memory() -> None:
     assert wrong == []
 
 
-def test_a_later_solve_does_not_change_what_was_answered() -> None:
+@pytest.mark.parametrize("name", OURS)
+def test_a_later_solve_does_not_change_what_was_answered(name: str) -> None:
     """Of QPs of one size and of several, in turns: memory is used again."""
-    rng, solver, found = np.random.default_rng(5), ActiveSet(), []
+    rng, solver, found = np.random.default_rng(5), make_backend(name), []
     for _ in range(10):
         for size in ((7, 0, 0), (7, 5, 0), (7, 0, 2), (12, 6, 3), (20, 0, 6)):
             solution = solver.solve(random_qp(rng, *size))

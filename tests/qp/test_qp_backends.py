@@ -54,15 +54,6 @@ def test_against_enumeration(backend, solvable, seed):
     np.testing.assert_allclose(solution.x, enumerated(qp), atol=POINT)
 
 
-@pytest.mark.parametrize("mi", [0, 25])
-def test_controller_size(backend, ticks, mi):
-    for qp in ticks(seed=3, count=4, mi=mi):
-        solution = backend.solve(qp)
-        assert solution.solved, solution.describe()
-        at_bound = np.isclose(np.abs(solution.x), qp.upper, atol=1e-7)
-        assert at_bound.any(), "the test problem has lost its active bounds"
-
-
 # One constraint of each kind, active at a known side; P = I, so every multiplier is known:
 # x + g + A'y + C'z + z_box = 0.
 SIGNS = {

@@ -371,11 +371,6 @@ def test_infeasible_whatever_is_claimed(claim):
     assert "these cannot all hold" in solution.describe()
 
 
-def test_status_reads_as_its_name():
-    assert Status("solved") is Status.SOLVED
-    assert f"{Status.ITERATION_LIMIT}" == "iteration_limit"
-
-
 def test_rounding_in_the_right_hand_side_is_not_infeasibility() -> None:
     """A tick on two feet whose contacts ask for 1e-14 m/s of rounding, recorded from a run.
 

@@ -8,7 +8,6 @@ from tests.qp.conftest import recorded
 from wbc.controllers.first_level import FirstLevel
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.active_set import NO_RESIDUALS, ActiveSet
-from wbc.qp.proxqp import WARM_ITERATIONS
 from wbc.qp.proxqp_workspace import Workspace
 from wbc.qp.solution import RawSolution, Solution
 
@@ -47,13 +46,6 @@ def test_two_contact_sets_do_not_share_a_warm_start(ticks):
         np.testing.assert_array_equal(found.x, expected.x)
 
 
-def test_sizes_may_change_under_one_name(ticks):
-    backend = ProxQP()
-    for plain, rows in zip(ticks(seed=1, count=5), ticks(seed=1, count=5, mi=10), strict=True):
-        assert backend.solve(plain).solved
-        assert backend.solve(rows).solved
-
-
 def test_the_same_tick_twice(ticks):
     """ProxQP 0.8 scales the box twice when solved twice without an update in between."""
     backend = ProxQP()
@@ -64,16 +56,6 @@ def test_the_same_tick_twice(ticks):
         assert again.solved
         assert again.attempts == 1
         np.testing.assert_allclose(again.x, first.x, atol=1e-6)
-
-
-def test_a_solution_is_not_overwritten_by_the_next_tick(ticks):
-    backend = ProxQP()
-    first, second = ticks(seed=4, count=2, speed=100.0)
-    solution = backend.solve(first)
-    kept = [np.array(getattr(solution, name)) for name in ("x", "y", "z", "z_box")]
-    backend.solve(second)
-    for name, value in zip(("x", "y", "z", "z_box"), kept, strict=True):
-        np.testing.assert_array_equal(getattr(solution, name), value)
 
 
 def test_a_rejected_warm_answer_is_solved_again_cold(ticks, monkeypatch):
@@ -218,14 +200,6 @@ def test_iteration_limit_is_reported_and_forgotten(ticks, monkeypatch):
     again, fresh = backend.solve(second), ProxQP(max_iterations=1).solve(second)
     assert again.attempts == fresh.attempts, "the failed tick left a workspace behind"
     assert again.iterations == fresh.iterations
-
-
-@pytest.mark.parametrize(("most", "warm"), [(7, 7), (20, WARM_ITERATIONS)])
-def test_warm_starts_take_few_iterations_and_never_more_than_allowed(ticks, most, warm) -> None:
-    backend, (qp,) = ProxQP(max_iterations=most), ticks(seed=4, count=1)
-    assert backend.solve(qp).solver == "proxqp"
-    (kept,) = backend._workspaces.values()
-    assert kept.native.settings.max_iter == warm
 
 
 def test_an_infeasible_tick_does_not_poison_the_next(ticks):

@@ -116,18 +116,6 @@ def test_the_normal_is_continuous_up_to_touching() -> None:
         assert abs(found.normal[0, 2]) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_many_pairs_with_degenerate_ones_among_them(rng) -> None:
-    """One pair of identical points must not disturb the others."""
-    ends = rng.normal(size=(4, 20, 3))
-    clean = nearest(*ends)
-    ends[:, 7] = 1.0
-    mixed = nearest(*ends)
-    rest = np.arange(20) != 7
-    np.testing.assert_array_equal(mixed.distance[rest], clean.distance[rest])
-    assert np.isfinite(mixed.normal).all()
-    assert mixed.distance[7] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_what_an_obstacle_cannot_be_assigned_is_refused() -> None:
     """Before, ``obstacle.position = ...`` was taken, and the obstacle stayed where it was."""
     ball = Obstacle.sphere("ball", (1.0, 0.0, 1.0), 0.1)

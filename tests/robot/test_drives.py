@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 
 from tests import urdf
-from tests import urdf as toy
 from tests.robot.formats.mjcf_texts import assert_agree, mujoco
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, WbcError
 from wbc.robot import JointLimits, Robot
@@ -154,8 +153,8 @@ def test_a_rotor_that_turns_harder_than_the_robot_is_noted() -> None:
 
 def test_a_rotor_moves_what_has_no_inertia_about_its_axis() -> None:
     """A point on the axis, as of sensors: the mass matrix is singular but for the rotor's 0.02."""
-    links = toy.link("a"), toy.link("b", moment=0)
-    text = toy.robot("r", *links, toy.joint("j", "a", "b"))
+    links = urdf.link("a"), urdf.link("b", moment=0)
+    text = urdf.robot("r", *links, urdf.joint("j", "a", "b"))
     with pytest.raises(ModelError, match="joint 'j', link 'b': nothing it moves has inertia"):
         Robot.load(text, feet={})
     robot = Robot.load(text, feet={}, armature=0.02)
@@ -227,19 +226,6 @@ def test_joint_positions_of_many_and_how_far_they_are_past_limits(chain: Robot) 
             beyond = [limits.lower[k] - value, value - limits.upper[k]]
             assert past[k] == max(beyond)
     assert (limits.past(np.full(4, np.nan)) > 0.0).sum() == 0
-
-
-def test_joint_positions_follow_the_velocity(chain: Robot) -> None:
-    v = np.array([0, 0, 0, 0, 0, 0, 0.5, 0.1, -0.4, 2.0])
-    q = chain.integrate(chain.postures["neutral"], v, 0.5)
-    np.testing.assert_allclose(chain.limits.joint_positions(q), 0.5 * v[6:], atol=1e-14)
-
-
-def test_joint_positions_are_a_view_without_continuous_joints(g1: Robot) -> None:
-    q = g1.posture()
-    positions = g1.limits.joint_positions(q)
-    assert np.shares_memory(positions, q)
-    np.testing.assert_array_equal(positions, q[7:])
 
 
 def test_limits_cannot_be_changed(hoap2: Robot) -> None:

@@ -17,7 +17,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Walker
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.foot_guess import foot_of, words_of
+from wbc.robot.foot_guess import foot_of
 from wbc.robot.postures import is_standing
 from wbc.robot.sole import extreme_points
 
@@ -458,12 +458,6 @@ def test_what_all_names_begin_with_tells_no_foot(prefix: str) -> None:
     assert [foot.link[len(prefix) :][:2] for foot in feet] == ["FL", "FR", "RL", "RR"]
 
 
-def test_names_are_split_into_words() -> None:
-    for name in ("left_foot", "LeftFoot", "leftFoot", "left-foot_2", "LEFT_FOOT"):
-        assert words_of(name) == {"left", "foot"}
-    assert words_of("LAnkleRoll") == {"l", "ankle", "roll"}
-
-
 # ---------------------------------------------------------------------------- geometry
 
 SHAPES = {
@@ -496,24 +490,6 @@ def test_extreme_points_hold_the_lowest(name: str, rng: np.random.Generator) -> 
 
 def test_other_shapes_have_no_points() -> None:
     assert extreme_points(coal.Halfspace(), np.array([0.0, 0.0, 1.0])).shape == (0, 3)
-
-
-def test_the_hull_holds_all_points_and_no_others(rng: np.random.Generator) -> None:
-    points = rng.normal(size=(200, 2)).round(1)  # many repeated and collinear
-    hull = convex_hull(points)
-    edges = np.roll(hull, -1, axis=0) - hull
-    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1)  # (k, 2)
-    offsets = ((points[:, None] - hull) * outward).sum(axis=2)  # (n, k)
-    assert (offsets <= 1e-12).all()
-    assert {tuple(corner) for corner in hull} <= {tuple(point) for point in points}
-    assert area(hull) > 0
-
-
-def test_small_hulls_are_points_and_segments() -> None:
-    assert convex_hull(np.array([[1.0, 2.0], [1.0, 2.0]])).tolist() == [[1.0, 2.0]]
-    segment = convex_hull(np.array([[0.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
-    assert sorted(segment.tolist()) == [[0.0, 0.0], [2.0, 2.0]]
-    np.testing.assert_allclose(centroid(segment), [1.0, 1.0])
 
 
 def test_thinning_stays_inside_and_near() -> None:

@@ -15,7 +15,6 @@ from tests.standing import sole_corners
 from tests.urdf import joint, link, robot
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
-from wbc.robot.names import matches
 
 Load = Callable[[str], Robot]
 
@@ -262,12 +261,6 @@ def test_name_that_would_be_a_pattern_means_its_own_joint_alone(first: str, seco
     loaded = Robot.load(two_joints(first, second), locked={first: 0.2}, effort={second: 5.0})
     assert loaded.joint_names == (second,)
     np.testing.assert_array_equal(loaded.limits.effort, [5.0])
-
-
-def test_pattern_that_is_no_name_matches_as_before() -> None:
-    assert matches("j[01]", ("j0", "j1", "k")) == (0, 1)
-    assert matches("*", ("j0", "j1")) == (0, 1)
-    assert matches("l", ("j0", "j1")) == ()
 
 
 def test_what_the_file_calls_as_the_centre_of_mass_is_told() -> None:

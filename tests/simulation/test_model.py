@@ -1,7 +1,6 @@
 """MuJoCo's model is the robot: by Pinocchio; states in its coordinates, surfaces of terrains."""
 
 import json
-import pickle
 
 import mujoco
 import numpy as np
@@ -20,7 +19,6 @@ from tests.urdf import geared_arm, limit
 from wbc.errors import InvalidInputError, ModelError
 from wbc.robot import Robot, robot_names
 from wbc.simulation import ModelMismatch, Plant, Step, Terrain
-from wbc.simulation.mismatch import principal_inertia
 from wbc.simulation.states import ContactDrift
 from wbc.simulation.terrain import LEVEL
 from wbc.validate import Array
@@ -74,11 +72,6 @@ def test_the_friction_of_the_ground() -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, terrain=Terrain(friction=0.5), mismatch=ModelMismatch(friction=0.6))
     assert plant.model.geom("ground").friction[0] == pytest.approx(0.3)
-
-
-def test_options_are_plain_data() -> None:
-    mismatch = pickle.loads(pickle.dumps(ModelMismatch(mass=1.1, seed=4)))
-    assert (mismatch.mass, mismatch.seed) == (1.1, 4)
 
 
 @pytest.mark.parametrize(
@@ -168,15 +161,6 @@ def test_ranges_are_the_robots(humanoid: Robot) -> None:
 def test_icub_as_its_file_is_cannot_be_simulated() -> None:
     with pytest.raises(ModelError, match=r"neck_yaw .* armature"):
         Plant(Robot.load("icub", armature=0.0))
-
-
-def test_principal_axes_are_a_rotation(rng: np.random.Generator) -> None:
-    for _ in range(10):
-        body = pin.Inertia.Random()
-        mass, com, R, moments = principal_inertia(body)
-        assert mass == body.mass and (com == body.lever).all()
-        assert np.linalg.det(R) == pytest.approx(1.0)
-        np.testing.assert_allclose(R @ np.diag(moments) @ R.T, body.inertia, atol=1e-14)
 
 
 def test_a_robot_without_collision_shapes_has_a_note() -> None:
