@@ -164,12 +164,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "0.0 -> 0.001",
     ): "contacts at rest get an interior that is larger by 0.1 mm/s",
     (
-        "wbc/qp/least_infeasible.py",
+        "wbc/qp/conflict.py",
         "found = np.flatnonzero(np.abs(missed) > _MET * (1.0 + largest(x)))",
         "Gt -> GtE",
     ): "at the one number where it differs nothing depends on it",
     (
-        "wbc/qp/least_infeasible.py",
+        "wbc/qp/conflict.py",
         "u=qp.u + np.where(above > 0.0, above + margin, 0.0),",
         "Gt -> GtE",
     ): "at the one number where it differs nothing depends on it",

@@ -11,10 +11,9 @@ pytest.importorskip("mujoco")
 from tests.command import wbc_command
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Command, Reading
-from wbc.hardware.log_file import HardwareLog
+from wbc.hardware.log_file import HardwareLog, replay_log
 from wbc.hardware.operator import Script
 from wbc.hardware.real_time import Beat
-from wbc.hardware.replay import replay_log
 from wbc.hardware.robot_side import RobotSettings
 from wbc.hardware.setup import loop_of, simulated_robot
 from wbc.hardware.unitree.profiles import profile_named

@@ -8,11 +8,11 @@ import pytest
 from tests.human.walker import LABELS, recorded
 from wbc.human import MarkerRecording, human_motion
 from wbc.human.body import HumanBody
+from wbc.human.contacts import belt_velocity, in_belt_frame
 from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
 from wbc.human.marker_identification import static_trial_notes
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
-from wbc.human.treadmill import belt_velocity, in_belt_frame
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 NAMES = ("LASI", "RASI", "SACR", "LHEE", "LTOE", "RHEE", "RTOE")
