@@ -87,12 +87,6 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "slack": (lambda: made(slack="left_sole"), "expected weights by name"),
     "dt": (lambda: made(dt="0.005"), "expected a number, got '0.005'"),
     "robot": (lambda: KinematicController(NO_ROBOT, [CALM]), "expected a robot"),
-    "robot of a task": (lambda: ComTask(NO_ROBOT, START.com), "expected a robot"),
-    "robot of a posture": (lambda: PostureTask(NO_ROBOT, START.q), "expected a robot"),
-    "robot of a contact": (
-        lambda: Contact(NO_ROBOT, "left_sole", np.zeros(3), np.eye(3)),
-        "expected a robot",
-    ),
     "robot of limits": (lambda: Limits(NO_ROBOT), "expected a robot"),
     "robot of bodies": (lambda: SelfCollision(NO_ROBOT), "expected a robot"),
     "robot of a box": (lambda: PositionBox.height(NO_ROBOT, 0.1), "expected a robot"),

@@ -31,18 +31,10 @@ from wbc.tasks import (
 
 NAN = float("nan")
 WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
-    "com nan": (lambda r: ComTask(r, [0, NAN, 1]), r"'com', target: NaN or infinite at \(1,\)"),
     "com size": (lambda r: ComTask(r, [0, 1]), r"target: expected shape \(3,\), got \(2,\)"),
-    "com words": (lambda r: ComTask(r, "left"), "target: expected numbers"),
-    "gain zero": (lambda r: ComTask(r, [0, 0, 1], gain=0), "gain: must be greater than 0"),
-    "gain large": (lambda r: ComTask(r, [0, 0, 1], gain=2), "gain: 2 is above 1"),
-    "weight ragged": (lambda r: ComTask(r, [0, 0, 1], weight=[[1], [2, 3]]), "weight: expected n"),
-    "weight complex": (lambda r: ComTask(r, [0, 0, 1], weight=1j), "weight: expected numbers"),
-    "weight sign": (lambda r: ComTask(r, [0, 0, 1], weight=-1), "must not be negative"),
     "weight of one row": (lambda r: ComTask(r, [0, 0, 1], weight=[1, -1, 1]), "must not be neg"),
     "axis short": (lambda r: AxisTask(r, "base", [0, 0.9e-9, 0]), "needs some length"),
     "weight size": (lambda r: ComTask(r, [0, 0, 1], weight=[1, 2]), "weight: expected shape"),
-    "weight inf": (lambda r: ComTask(r, [0, 0, 1], weight=np.inf), "weight: NaN or infinite"),
     "damping": (lambda r: ComTask(r, [0, 0, 1], lm_damping=-1), "lm_damping: must be at least"),
     "rate": (lambda r: ComTask(r, [0, 0, 1]).set_target([0, 0, 1], [NAN, 0, 0]), "target rate"),
     "inertia shape": (lambda r: InertiaTask(r, [1, 2]), "expected a symmetric .* got shape"),
@@ -54,17 +46,12 @@ WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
     ),
     "moment below 0": (lambda r: PrincipalInertiaTask(r, [1, -2, 1]), "-2 is negative"),
     "trace below 0": (lambda r: InertiaTask(r, -1.0, components="trace"), "trace is negative"),
-    "inertia nan": (lambda r: InertiaTask(r, np.full((3, 3), NAN)), "NaN"),
     "inertia three": (lambda r: InertiaTask(r, [1, 2, 3]), "only those are controlled"),
-    "principal": (lambda r: PrincipalInertiaTask(r, [1, 2]), r"shape \(3,\)"),
     "rotation": (lambda r: OrientationTask(r, "base", 2 * np.eye(3)), "not a rotation matrix"),
     "mirror": (lambda r: OrientationTask(r, "base", -np.eye(3)), "not a rotation matrix"),
-    "pose": (lambda r: PoseTask(r, "base", [0, 0, NAN], np.eye(3)), "position: NaN"),
     "axis": (lambda r: AxisTask(r, "base", [0, 0, 0]), "needs some length"),
     "posture size": (lambda r: PostureTask(r, np.zeros(3)), "shape"),
     "posture zero": (lambda r: PostureTask(r, r.posture(), joints={"*": 0}), "leave the task out"),
-    "posture weight": (lambda r: PostureTask(r, r.posture(), joints={"*": -1}), "at least 0"),
-    "momentum": (lambda r: MomentumTask(r, [0, 0, 0]), r"shape \(6,\)"),
 }
 UNKNOWN: dict[str, tuple[Callable[[Robot], object], str]] = {
     "axes": (lambda r: ComTask(r, [0, 0, 0], axes=("x", "w")), "unknown axis 'w'"),
@@ -95,17 +82,6 @@ def test_a_refused_target_leaves_the_old_one(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError):
         task.set_target([NAN, 0, 0])
     assert task.target.tolist() == [0.0, 0.0, 0.3]
-
-
-def test_a_refused_rotation_leaves_the_old_one(hoap2: Robot) -> None:
-    turn = OrientationTask(hoap2, "base", np.eye(3))
-    pose = PoseTask(hoap2, "base", [0, 0, 1], np.eye(3))
-    with pytest.raises(InvalidInputError):
-        turn.set_target(2 * np.eye(3))
-    with pytest.raises(InvalidInputError):
-        pose.set_target([5, 5, 5], -np.eye(3))
-    assert (turn.target == np.eye(3)).all()
-    assert pose.position.tolist() == [0, 0, 1]
 
 
 def test_misspelt_keywords_are_refused(hoap2: Robot) -> None:
