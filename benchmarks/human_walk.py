@@ -47,12 +47,7 @@ TURNS = tuple(
         *("38A27", "39A31", "40A40", "44A29", "50A33", "55A34"),
     )
 )
-MEANS = (
-    "horizontal_percent_of_peak",
-    "cop_single_mm",
-    "cop_double_mm",
-    "within_all_bands_percent",
-)
+MEANS = ("horizontal_percent_of_peak", "cop_single_mm", "cop_double_mm", "within_all_bands_percent")
 CUTOFFS = (4.0, 4.5, 5.0, 5.5, 6.0, 8.0, 10.0)  # Hz
 TABLE = 0.10  # standard deviation of a segment's mass from the table's
 CENTRE = 0.015  # m, of its centre

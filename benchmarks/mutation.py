@@ -48,11 +48,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "way *= np.copysign(1.0, way.sum())",
         "1.0 -> 2.001",
     ): "a direction, of any length",
-    (
-        "wbc/qp/conflict.py",
-        "way *= np.copysign(1.0, way.sum())",
-        "Mult -> Div",
-    ): "by 1 or -1",
+    ("wbc/qp/conflict.py", "way *= np.copysign(1.0, way.sum())", "Mult -> Div"): "by 1 or -1",
     (
         "wbc/controllers/braking.py",
         'lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)',
@@ -78,11 +74,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "begin = np.zeros(6, dtype=np.int64)",
         "zeros -> ones",
     ): "numbers that the core writes",
-    (
-        "wbc/qp/core.py",
-        "found = np.empty(3 + qp.g.size)",
-        "3 -> 4",
-    ): "room for one number more",
+    ("wbc/qp/core.py", "found = np.empty(3 + qp.g.size)", "3 -> 4"): "room for one number more",
     (
         "wbc/controllers/core_memory.py",
         "self._usual, self._outside = np.zeros(0, dtype=np.int64), False",

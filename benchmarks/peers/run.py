@@ -48,10 +48,7 @@ ARMS = ("elbow_link", "wrist_roll_link", "rubber_hand")
 BODY = ("torso_link", "pelvis", "left_hip_roll_link", "right_hip_roll_link")
 RADIUS, MARGIN = 0.06, 0.01  # of the spheres about the links' origins [m]
 # Label, environment, script, arguments.
-WBC = (
-    ("wbc active_set", "wbc", "wbc", ("active_set",)),
-    ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-)
+WBC = (("wbc active_set", "wbc", "wbc", ("active_set",)), ("wbc proxqp", "wbc", "wbc", ("proxqp",)))
 INERTIA = ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia"))
 PLACO = ("PlaCo (C++)", "placo", "placo", ())
 PEERS = (

@@ -191,7 +191,7 @@ PARTS = {
         "constraints: {bodies: {type: self_collision}, over: {type: com_support}}": "'over'",
     },
     "constraints: {bodies: {type: self_collision}}\ncontroller: {solver: active_set}": {
-        "controller: {method: pseudo_inverse}": "controller.method",  # which keeps no constraint
+        "controller: {method: pseudo_inverse}": "controller.method"  # which keeps no constraint
     },
     "stop: {duration: 1.0}": {
         "limits: {braking: bounded}": "the braking 'bounded'",
@@ -203,7 +203,7 @@ PARTS = {
         "controller: {solver: active_set, eps: 1.0e-4}": "an eps above 1e-06; set controller.eps",
     },
     "support: double": {
-        "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'",
+        "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'"
     },
     "dt: 0.002": {
         "dt: 0.002, delay: 0.004": "a delay to predict over",

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits, PositionBox, support
-from wbc.constraints.margin import (
-    SKIN,
-    USED,
-    BrakingParameters,
-    Margin,
-    _clearance_before,
-)
+from wbc.constraints.margin import SKIN, USED, BrakingParameters, Margin, _clearance_before
 from wbc.constraints.rows import Bounds, Distances, stack
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError

@@ -304,10 +304,7 @@ def test_a_target_in_a_file_is_the_same_path(hoap2: wbc.Robot, rounds: Rounds) -
         ({"loop": {"left_knee_pitch": (0.1, 0.1, 0.1)}}, r"an even one.*got \[3\]"),
         ({"loop": {**JOINTS, "left_hip_yaw": (0.1, 0.1)}}, r"got \[2, 4\]"),
         # It was held at its limit, and the robot turned less than by the path.
-        (
-            {"loop": {"left_hip_pitch": (0.0, 3.0)}},
-            "hip_pitch' goes to .*outside its limits",
-        ),
+        ({"loop": {"left_hip_pitch": (0.0, 3.0)}}, "hip_pitch' goes to .*outside its limits"),
         ({"cycles": 0}, "cycles"),
         ({"cycles": 1.5}, "cycles"),  # the path ended elsewhere, by up to 0.4 rad
         ({"period": 0.0}, "period"),

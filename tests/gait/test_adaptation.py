@@ -182,9 +182,7 @@ def test_what_holds_a_step_back_is_named(push: tuple[float, float], names: tuple
         assert abs(at[name]) < 1e-6
     mirror = np.array((1.0, -1.0))
     turned = BOUNDS._replace(
-        lower=np.array((-0.5, 0.1)),
-        upper=np.array((0.5, 0.5)),
-        foot=STEP * mirror,
+        lower=np.array((-0.5, 0.1)), upper=np.array((0.5, 0.5)), foot=STEP * mirror
     )
     wanted = nominal(0.3)
     wanted = wanted._replace(place=wanted.place * mirror, offset=wanted.offset * mirror)

@@ -190,8 +190,7 @@ def test_robots_of_the_menagerie_are_taken_by_name(menagerie: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
-    [("toy_amr", "toy_arm"), ("toy_arm/secne", "scene"), ("", "toy_arm")],
+    ("name", "said"), [("toy_amr", "toy_arm"), ("toy_arm/secne", "scene"), ("", "toy_arm")]
 )
 @pytest.mark.usefixtures("menagerie")
 def test_names_that_the_menagerie_does_not_have_are_told(name: str, said: str) -> None:

@@ -137,10 +137,7 @@ def test_motor_currents_tell_the_torques_that_act(hoap2: Robot) -> None:
     [
         ({"gyroscope_bias": 0.5}, r"messages, and no .* stand still; IMU 'imu' says 0\.\d+ rad/s"),
         ({"rate": 5.0}, r"there is no reading of IMU 'imu'"),
-        (
-            {"most_force": 5.0},
-            r"'imu'; IMU 'imu': specific force beyond its range of 4\.995; n",
-        ),
+        ({"most_force": 5.0}, r"'imu'; IMU 'imu': specific force beyond its range of 4\.995; n"),
     ],
 )
 def test_what_keeps_an_estimator_from_beginning_is_said(imu, said: str, hoap2: Robot) -> None:

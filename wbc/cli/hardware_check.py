@@ -24,8 +24,7 @@ def check(
     interface: Interface = "lo",
     domain: Domain = 0,
     move: Annotated[
-        bool | None,
-        typer.Option("--move/--no-move", help="Move joints, or not, without asking."),
+        bool | None, typer.Option("--move/--no-move", help="Move joints, or not, without asking.")
     ] = None,
     priority: Priority = 40,
     slower: Slower = 1.0,

@@ -73,8 +73,7 @@ Processes = Annotated[
     int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
 ]
 Quiet = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", help="Print errors only.", callback=warn_unless_quiet),
+    bool, typer.Option("--quiet", "-q", help="Print errors only.", callback=warn_unless_quiet)
 ]
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")

@@ -65,8 +65,7 @@ def check(
     ],
     assign: Assign = None,
     quiet: Annotated[
-        bool,
-        typer.Option("--quiet", "-q", help="Print mistakes only.", callback=warn_unless_quiet),
+        bool, typer.Option("--quiet", "-q", help="Print mistakes only.", callback=warn_unless_quiet)
     ] = False,
 ) -> None:
     """Check problem files without running them: every mistake with its line."""

@@ -59,11 +59,7 @@ class Arm:
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        frame: str,
-        torques: Array | None = None,
-        within: Limits | None = None,
+        cls, robot: Robot, frame: str, torques: Array | None = None, within: Limits | None = None
     ) -> Arm:
         """Return the arm that ends in a frame.
 

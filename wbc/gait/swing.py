@@ -122,12 +122,7 @@ class SwingFoot(NamedTuple):
         return self.numbers.item(20)
 
     def advance(
-        self,
-        goal: tuple[float, float, float],
-        ground: float,
-        left: float,
-        dt: float,
-        most: float,
+        self, goal: tuple[float, float, float], ground: float, left: float, dt: float, most: float
     ) -> SwingFoot:
         """Return the foot ``dt`` later; it lands at ``goal`` (x, y, yaw) after ``left`` [s].
 

@@ -43,14 +43,7 @@ from wbc.gait.dcm import in_plane
 from wbc.gait.footsteps import SIGN, first_swing, other
 from wbc.gait.legs import Legs, bearing_joints
 from wbc.gait.pace import Paces
-from wbc.gait.phases import (
-    DoubleSupport,
-    GaitState,
-    Phase,
-    SingleSupport,
-    Standing,
-    next_foot,
-)
+from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, Standing, next_foot
 from wbc.gait.prescribed_steps import WEIGHT_SHIFT, Footstep, Landing
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, sole_half_sizes

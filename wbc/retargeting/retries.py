@@ -172,9 +172,7 @@ def solve_with_retries(
         warm_start = None
         reductions += 1
         weights = replace(
-            weights,
-            com=WEIGHT_FACTOR * weights.com,
-            momentum=WEIGHT_FACTOR**2 * weights.momentum,
+            weights, com=WEIGHT_FACTOR * weights.com, momentum=WEIGHT_FACTOR**2 * weights.momentum
         )
         if max(found.speed_ratio, found.acceleration_ratio) > 1.0:
             scale = replace(scale, time=TIME_FACTOR * scale.time)

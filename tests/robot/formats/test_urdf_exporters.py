@@ -111,8 +111,7 @@ def test_limits_that_are_all_zero_were_not_entered(zero: str, kind: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("turn", "told"),
-    [("6.2831853", False), ("9.42477796", False), ("12.566", False), ("90", True)],
+    ("turn", "told"), [("6.2831853", False), ("9.42477796", False), ("12.566", False), ("90", True)]
 )
 def test_joints_of_more_than_some_turns_may_be_in_degrees(turn: str, told: bool) -> None:
     notes = bolted(limit=toy.limit(turn, 20)).notes

@@ -15,13 +15,7 @@ from wbc.errors import InvalidInputError
 from wbc.kinds import whole_number
 from wbc.placement import from_mrp
 from wbc.rmp.plan.layout import PlanLayout, lay_out, units_of
-from wbc.rmp.plan.motion import (
-    body_rate,
-    motion,
-    principal_moments,
-    quaternion,
-    reference_axes,
-)
+from wbc.rmp.plan.motion import body_rate, motion, principal_moments, quaternion, reference_axes
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp

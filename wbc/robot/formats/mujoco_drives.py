@@ -9,12 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot.formats.mujoco_part import (
-    RobotPart,
-    acting_motors,
-    actuators_of,
-    motors_on_joints,
-)
+from wbc.robot.formats.mujoco_part import RobotPart, acting_motors, actuators_of, motors_on_joints
 from wbc.robot.notes import noted
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
