@@ -298,7 +298,7 @@ def test_shapes_to_draw_do_where_none_collide() -> None:
 
 
 def test_feet_of_a_quadruped_are_named_by_all_or_in_a_list(g1: Robot) -> None:
-    """They stand as they should in test_example_robots.py."""
+    """They stand as they should in test_library.py."""
     folder = next(p for p in g1.path.parents if p.name == "robots")
     robot = Robot.load(folder / "go2_description/urdf/go2.urdf")
     s = robot.snapshot(robot.posture("standing"))
