@@ -56,10 +56,7 @@ class Journal:
             raise
 
     def add(self, entry: Mapping[str, Any]) -> None:
-        """Append an entry.
-
-        Raises JournalError: it cannot be written; earlier entries are kept.
-        """
+        """Append an entry. Raises JournalError: it cannot be written; earlier entries are kept."""
         whole = self._file.seek(0, os.SEEK_END)
         try:
             rest = json.dumps(entry, allow_nan=False).encode() + b"\n"

@@ -45,7 +45,7 @@ def weights_of(robot: Robot, given: JointWeights | None) -> Array:
 def moved_by(robot: Robot, pattern: str) -> list[int]:
     """Return the entries of v of the joints that a name or pattern matches, or of ``"base"``.
 
-    Raises UnknownNameError: No joint matches.
+    Raises UnknownNameError: no joint matches.
     """
     found = [BASE_NV + k for k in matches(pattern, robot.joint_names)]
     if not found and pattern != BASE:

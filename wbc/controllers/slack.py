@@ -31,7 +31,7 @@ class Slacks:
     ``weights``: of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
     ``leaving``: the same for contacts that are being released.
 
-    Raises UnknownNameError: No contact or constraint of a name; InvalidInputError: No mapping, a
+    Raises UnknownNameError: no contact or constraint of a name; InvalidInputError: no mapping, a
     weight that is not a positive number, or a name that several have.
     """
 

@@ -77,10 +77,7 @@ class Initialization:
         )
 
     def check(self, m: Measurement, first: Estimate) -> None:
-        """Check the first estimate.
-
-        Raises InvalidInputError: all its soles are above its CoM.
-        """
+        """Check the first estimate. Raises InvalidInputError: all its soles are above its CoM."""
         self._times = self._times[1], m.time
         if self.interval_note:
             logging.getLogger(__name__).warning("estimator: begins%s", self.interval_note)

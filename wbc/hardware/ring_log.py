@@ -50,10 +50,7 @@ class RingLog:
         return min(int(self._count[0]), len(self._rows))
 
     def add(self, values: Mapping[str, ArrayLike]) -> None:
-        """Add a row; missing fields are NaN.
-
-        Raises InvalidInputError: no such field.
-        """
+        """Add a row; missing fields are NaN. Raises InvalidInputError: no such field."""
         row = self._rows[int(self._count[0]) % len(self._rows)]
         row[:] = np.nan
         for name, value in values.items():

@@ -111,10 +111,7 @@ def read_text(path: Path, strict: bool = True) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file.
-
-    Raises RecordingError: unreadable or too large.
-    """
+    """Return the bytes of a file. Raises RecordingError: unreadable or too large."""
     check_file(path)
     try:
         return path.read_bytes()

@@ -44,10 +44,7 @@ class DevicesSpec(Section):
     """Noise that the estimator assumes; it knows the encoders' delay."""
 
     def made(self) -> Devices:
-        """Return the sensors.
-
-        Raises InvalidInputError: Numbers that contradict each other.
-        """
+        """Return the sensors. Raises InvalidInputError: numbers that contradict each other."""
         others = {"imus": tuple(Imu(**one) for one in self.imus)} if self.imus else {}
         return Devices(
             **others,

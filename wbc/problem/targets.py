@@ -142,10 +142,7 @@ TurnTarget = Annotated[
 
 
 def rotation(target: Rpy | QuaternionTarget | str, start: Array) -> Array:
-    """Return a wanted rotation (3, 3).
-
-    Raises Misplaced: a quaternion without length.
-    """
+    """Return a wanted rotation (3, 3). Raises Misplaced: a quaternion without length."""
     if isinstance(target, Rpy):
         return _from_rpy(*target.rpy)
     if isinstance(target, QuaternionTarget):

@@ -87,10 +87,7 @@ class LocalRobot:
         return self._joints[index]
 
     def frame(self, name: str) -> Placement:
-        """Return where a frame of the robot is.
-
-        Raises UnknownNameError: no such frame.
-        """
+        """Return where a frame of the robot is. Raises UnknownNameError: no such frame."""
         if name not in self._frames:
             frame = self.robot.frame(name)
             inner = Placement.constant(frame.placement.rotation, frame.placement.translation)

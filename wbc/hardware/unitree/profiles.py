@@ -137,8 +137,5 @@ PROFILES: Mapping[str, Profile] = {
 
 
 def profile_named(name: str) -> Profile:
-    """Return a robot's profile.
-
-    Raises UnknownNameError: none of that name.
-    """
+    """Return a robot's profile. Raises UnknownNameError: none of that name."""
     return PROFILES[one_of("robot on a bus", name, list(PROFILES))]

@@ -102,10 +102,7 @@ class ObstacleSpec(Section):
     """Velocity [m/s], world axes; must be zero with method global."""
 
     def build(self, name: str) -> Obstacle:
-        """Return the obstacle in its own frame.
-
-        Raises Misplaced: no shape, or several.
-        """
+        """Return the obstacle in its own frame. Raises Misplaced: no shape, or several."""
         given = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(given) != 1:
             raise Misplaced(f"needs one of {', '.join(SHAPES)}, and only one", "things", name)

@@ -120,7 +120,7 @@ class PlanPhaseSpec(Section):
     def build(self, name: str, limits: PathLimits, robot: RobotPendulum | None) -> PlanPhase:
         """Return the phase; ``limits`` are the plan's.
 
-        Raises WbcError: Numbers that contradict each other, or a foot that the robot does not have.
+        Raises WbcError: numbers that contradict each other, or a foot that the robot does not have.
         """
         support: Any = self.support
         if isinstance(support, SolesSpec):
@@ -216,10 +216,7 @@ class Planning:
     iterations: int
 
     def solve(self) -> Plan:
-        """Return the plan.
-
-        Raises PlanError: there is none; the error names what is in the way.
-        """
+        """Return the plan. Raises PlanError: there is none; the error names what is in the way."""
         return solve(self.problem, iterations=self.iterations)
 
     def run(self, provenance: Mapping[str, Any]) -> PendulumResult:

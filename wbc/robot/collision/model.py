@@ -110,7 +110,7 @@ class CollisionModel:
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing.
 
-        Raises InvalidInputError: Numbers of no pairs.
+        Raises InvalidInputError: numbers of no pairs.
         """
         total = len(self.pairs)  # beyond them the core would read what is none
         numbers = isinstance(pairs, np.ndarray) and pairs.ndim == 1 and pairs.dtype.kind in "iu"

@@ -28,10 +28,7 @@ class Clock:
         self.set_speed(speed)
 
     def set_speed(self, speed: float) -> None:
-        """Change the speed.
-
-        Raises InvalidInputError: negative, or not a number.
-        """
+        """Change the speed. Raises InvalidInputError: negative, or not a number."""
         self.speed = finite_number("viewer, speed", speed, least=0.0)
         self._due = None
 

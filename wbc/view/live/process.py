@@ -109,17 +109,11 @@ class PageProcess:
         self.port = answer.port
 
     def send(self, message: object) -> None:
-        """Send a message; waits while the pipe is full.
-
-        Raises OSError: the page has ended.
-        """
+        """Send a message; waits while the pipe is full. Raises OSError: the page has ended."""
         self._pipe.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
 
     def receive(self) -> Any:
-        """Return the next message; waits for it.
-
-        Raises OSError, EOFError: the page has ended.
-        """
+        """Return the next message; waits for it. Raises OSError, EOFError: the page has ended."""
         return self._pipe.recv()
 
     def disconnect(self) -> None:
