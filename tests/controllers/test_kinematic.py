@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tests.standing import commanded
-from wbc.constraints import Limits, PointContact, support
+from wbc.constraints import Limits, PointContact, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.controllers.tick import Times
 from wbc.qp import QP, make_backend
 from wbc.robot import Robot, Snapshot
-from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
+from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
 
 DT = 0.005
 HUMANOIDS = ("hoap2_like", "g1_27", "talos")
@@ -273,3 +273,40 @@ def test_joints_that_rounding_leaves_outside_are_at_their_limits(hoap2) -> None:
     np.testing.assert_array_equal(P[0], P[1])
     joint = hoap2.joint_index("left_knee_pitch")
     assert P[2][joint, joint] - P[1][joint, joint] == pytest.approx(OUTWEIGHS)
+
+
+@pytest.mark.parametrize("what", ["joint", "box", "bodies"])
+def test_a_lower_level_does_not_undo_recovery(hoap2, what: str) -> None:
+    """It went on pulling outwards, and all stayed where it was: 20 mm inside, 50 mrad outside."""
+    stands, joint = hoap2.snapshot(hoap2.posture("standing")), "left_shoulder_roll"
+    here = beyond(hoap2, {"left_knee_pitch": 0.05}) if what == "joint" else stands
+    inwards = np.zeros(hoap2.nv)
+    inwards[hoap2.joint_index("left_knee_pitch" if what == "joint" else joint)] = 0.3
+    box, bodies = PositionBox.height(hoap2, -1.0, stands.q[2] - 0.02), SelfCollision(hoap2)
+    pull = PostureTask(hoap2, hoap2.integrate(here.q, inwards, 1.0), priority=1)
+    if what == "box":
+        pull = PositionTask(hoap2, "base", stands.q[:3] + (0.0, 0.0, 0.1), priority=1)
+    if what == "bodies":
+        here = hoap2.snapshot(hoap2.integrate(here.q, -inwards, 1.0))
+        pull = PostureTask(hoap2, hoap2.integrate(here.q, -inwards, 1.0), priority=1)
+
+    def outside(now: Snapshot) -> float:
+        if what == "joint":
+            knee = hoap2.joint_index("left_knee_pitch") - 6
+            return hoap2.limits.joint_positions(now.q)[knee] - hoap2.limits.upper[knee]
+        if what == "box":
+            return now.q[2] - box.upper[2]
+        found = bodies.model.nearest(now, 25)
+        return (bodies.margins[found.pairs] - found.distance).max()
+
+    first = OrientationTask(hoap2, "torso", here.rotation("torso"))
+    constraints = {"box": [box], "bodies": [bodies]}.get(what, [])
+    controller = KinematicController(
+        hoap2, [first, pull], contacts=(), limits=Limits(hoap2), constraints=constraints, dt=DT
+    )
+    assert outside(here) > 0.015
+    for _ in range(200):
+        tick = controller.step(here)
+        assert tick.ok, tick.report()
+        here = hoap2.snapshot(hoap2.integrate(here.q, tick.velocity, DT), tick.velocity)
+    assert outside(here) < 5e-4

@@ -139,10 +139,13 @@ int wbc_pose(const wbc_plan *plan, const double *q, const double *v, int64_t lev
         qp.u[r] = hard && value > first.u[r] ? value : first.u[r];
     }
     double heaviest = 0.0;
+    qp.heaviest = &heaviest;
     memset(qp.P, 0, n * n * sizeof *qp.P);
     memset(qp.g, 0, n * sizeof *qp.g);
     add_costs(plan, level, J, qp.P, qp.g, &heaviest);
-    finish_cost(plan, level, velocity_of(plan->tree, q, v), 0.0, J, qp.P, qp.g);
+    v = velocity_of(plan->tree, q, v);
+    recover(plan, q, v, &qp);
+    finish_cost(plan, level, v, 0.0, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
 

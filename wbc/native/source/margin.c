@@ -93,21 +93,32 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     wbc_pair_rows(margin->of, plan->tree, state, k, chosen, nearest + k, nearest + 4 * k, rows);
     for (int64_t i = 0; i < k; i++) {
         const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];
-        const double rate = plan->torque ? dot(nv, row, v) : INFINITY, reach = rate + now;
+        const double reach = plan->torque ? dot(nv, row, v) + now : INFINITY;
         double *to = qp->C + (before + i) * n, least = approach(margin, nv, plan->dt, row, clearance);
-        if (least > 0.0) {
-            const double change = wbc_margin_leaving * sqrt(dot(nv - 6, row + 6, row + 6)) * plan->dt;
-            double out = smaller(least, smaller(reach, (rate > 0.0 ? rate : 0.0) + change));
-            if (plan->torque && out < rate - change) out = rate - change;
-            add_dominating_row(plan, row, out, 1.0, qp);
-            least = -smaller(wbc_interior_speed, wbc_interior_share * least);
-        }
+        if (least > 0.0) least = -smaller(wbc_interior_speed, wbc_interior_share * least);
         memcpy(to, row, nv * sizeof *to);
         memset(to + nv, 0, (n - nv) * sizeof *to);
         qp->l[before + i] = smaller(least, reach), qp->u[before + i] = INFINITY;
         qp->clearance[i] = clearance, qp->chosen[i] = (double)chosen[i];
     }
     return DONE;
+}
+
+void recover_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp) {
+    const wbc_margin *margin = plan->margin;
+    const int64_t nv = plan->tree->nv;
+    for (int64_t i = 0; i < margin->rows; i++) {
+        const double *row = qp->C + (first_row(plan, qp) + i) * qp->n;
+        double out = approach(margin, nv, plan->dt, row, qp->clearance[i]);
+        if (out <= 0.0) continue;
+        if (plan->torque) {
+            const double change = wbc_margin_leaving * sqrt(dot(nv - 6, row + 6, row + 6)) * plan->dt;
+            const double rate = dot(nv, row, v), reach = rate + wbc_margin_braking * plan->dt;
+            out = smaller(out, smaller(reach, (rate > 0.0 ? rate : 0.0) + change));
+            if (out < rate - change) out = rate - change;
+        }
+        add_dominating_row(plan, row, out, 1.0, qp);
+    }
 }
 
 /* How far each joint turns at most over a step: sums from the world outwards. */

@@ -137,6 +137,14 @@ static void recover_limits(const wbc_plan *plan, const double *q, const wbc_qp *
     }
 }
 
+void recover(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
+    const double *target = plan->push + plan->pushes * plan->tree->nv, *weight = target + plan->pushes;
+    if (plan->margin) recover_margin(plan, v, qp);
+    for (int64_t r = 0; r < plan->pushes; r++)
+        add_dominating_row(plan, plan->push + r * plan->tree->nv, target[r], weight[r], qp);
+    if (plan->limited && !plan->torque) recover_limits(plan, q, qp);
+}
+
 /* The box on v+ of wbc.constraints.Limits: speeds from which a joint still stops, and accelerations (of braking,
  * too, if that is bounded); at the torque level the law of arrival. */
 static void limits_box(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
@@ -422,7 +430,7 @@ void finish_cost(const wbc_plan *plan, int64_t level, const double *v, double da
     }
 }
 
-/* The inequality rows given by Python, behind all others, and the costs that recover them. */
+/* The inequality rows given by Python, behind all others. */
 static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, k = plan->given_rows, begin = qp->m - k;
     const double *lower = plan->given + k * nv, *upper = lower + k;
@@ -432,9 +440,6 @@ static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
         memset(to + nv, 0, (n - nv) * sizeof *to);
         qp->l[begin + r] = lower[r], qp->u[begin + r] = upper[r];
     }
-    const double *target = plan->push + plan->pushes * nv, *weight = target + plan->pushes;
-    for (int64_t r = 0; r < plan->pushes; r++)
-        add_dominating_row(plan, plan->push + r * nv, target[r], weight[r], qp);
 }
 
 INLINE int is_finite_enough(const double *values, int64_t n) {
@@ -493,7 +498,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
     add_given_bounds(plan, &qp);
     for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
     if (plan->limited) limits_box(plan, q, v, qp.lower, qp.upper);
-    if (plan->limited && !plan->torque) recover_limits(plan, q, &qp);
+    recover(plan, q, v, &qp);
     finish_cost(plan, 0, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
