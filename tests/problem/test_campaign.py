@@ -62,6 +62,14 @@ def test_the_most_specific_value_counts(tmp_path: Path) -> None:
     assert campaign.runs[0].overrides == {"tasks.com.gain": 0.3, "tasks.com.weight": 2.0}
 
 
+def test_a_section_in_the_grid_does_not_yield_to_a_key_of_a_case(tmp_path: Path) -> None:
+    """It would have had the case's gain, as `set` names the section first."""
+    com = "{type: com, target: start}"
+    text = f"problems: [stand.yaml]\nset: {{tasks.com: {com}}}\ngrid: {{tasks.com: [{com}]}}\n"
+    with pytest.raises(ProblemFileError, match=r"replaces tasks\.com\.gain with all else there"):
+        load(tmp_path, text + "cases: {a: {tasks.com.gain: 0.2}}\n")
+
+
 def test_a_case_is_checked_with_the_grid_over_it(tmp_path: Path) -> None:
     """As it is run: the case's own value would be a mistake, and counts nowhere."""
     campaign = load(

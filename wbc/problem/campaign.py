@@ -168,12 +168,12 @@ def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
     """
     cases = spec.cases or {}
     first_of_grid = {key: values[0] for key, values in spec.grid.items()}
-    first = {**spec.set, **next(iter(cases.values()), {}), **first_of_grid}
+    first = _over(spec.set, next(iter(cases.values()), {}), first_of_grid)
     ends = [{key: span[k] for key, span in spec.draw.items()} for k in (0, 1)]
     tried: list[tuple[KeyPath, dict[str, Any]]] = []
-    tried += [(("draw",), {**first, **end}) for end in (ends if spec.draw else [])]
+    tried += [(("draw",), _over(first, end)) for end in (ends if spec.draw else [])]
     for name, case in cases.items():
-        tried.append((("cases", name), {**spec.set, **case, **first_of_grid}))
+        tried.append((("cases", name), _over(spec.set, case, first_of_grid)))
     for key, values in spec.grid.items():
         tried += [(("grid", key, k), {**first, key: value}) for k, value in enumerate(values)]
     done = set[str]()
@@ -189,7 +189,7 @@ def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
     if spec.draw:
         mistakes.raise_any()
         with mistakes.at("draw"):
-            load_problem(file, {**first, **_draws(spec, 0)})
+            load_problem(file, _over(first, _draws(spec, 0)))
 
 
 def _runs(
@@ -205,7 +205,7 @@ def _runs(
     for problem, case in itertools.product(files, cases):
         for combination in itertools.product(*spec.grid.values()):
             chosen = dict(zip(spec.grid, combination, strict=True))
-            overrides = {**spec.set, **cases[case], **chosen}
+            overrides = _over(spec.set, cases[case], chosen)
             place = ("grid",) if chosen else ("cases", case) if case else ()
             found = mistakes.require(place, partial(_checked, sources[problem], overrides))
             seeded = _seed_paths(found)
@@ -223,7 +223,16 @@ def _runs(
                     {} if seed is None else {**dict.fromkeys(seeded, seed), **_draws(spec, seed)}
                 )
                 path = files[problem].resolve()
-                yield Run(next(numbers), problem, path, case, seed, {**overrides, **given})
+                yield Run(next(numbers), problem, path, case, seed, _over(overrides, given))
+
+
+def _over(*layers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by key path, in the order in which they replace each other: narrower later."""
+    found = dict[str, Any]()
+    for path, value in itertools.chain.from_iterable(layer.items() for layer in layers):
+        found.pop(path, None)
+        found[path] = value
+    return found
 
 
 def _checked(source: Source, overrides: Mapping[str, Any]) -> ProblemSpec | None:
