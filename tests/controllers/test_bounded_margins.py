@@ -5,14 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wbc.constraints import Limits, support
+from wbc.constraints import Limits, Obstacles, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import MARGIN_BRAKING, Bounds, reachable_rows
 from wbc.controllers import TorqueController
 from wbc.controllers.effort_bounds import StanceBraking
 from wbc.laws import Rows
 from wbc.robot import Robot
-from wbc.tasks import PostureTask
+from wbc.robot.collision import Obstacle
+from wbc.tasks import ComTask, PositionTask, PostureTask
 
 DT = 0.002
 A = 10.0  # what joints can brake [rad/s^2]
@@ -151,3 +152,28 @@ def test_margins_ask_for_what_braking_can_reach() -> None:
     found = reachable_rows(bounds, v, DT)
     assert found.push is not None
     np.testing.assert_allclose(found.push.target, [-1.0 + change, 0.1 - 5.0 * DT, 0.5 * DT])
+
+
+def test_torques_get_out_of_the_way_of_what_comes(hoap2: Robot) -> None:
+    """As velocities do: a ball at 0.3 m/s went into the palm, as a violation is left slowly."""
+    stands = hoap2.snapshot(hoap2.posture("standing"))
+    ball = Obstacle.sphere("ball", (0.0, 0.0, 0.0), 0.04)
+    ball.move(np.eye(3), (0.4, 0.12, 0.26), velocity=(-0.3, 0.0, 0.0))
+    around = Obstacles(hoap2, [ball], margin=0.02)
+    hand = PositionTask(hoap2, "left_palm", (0.17, 0.12, 0.24))
+    controller = TorqueController(
+        hoap2,
+        [hand, ComTask(hoap2, stands.com, weight=10.0), PostureTask(hoap2, stands.q, weight=0.01)],
+        contacts=support(stands, "double"),
+        limits=Limits(hoap2),
+        constraints=[around],
+        dt=DT,
+    )
+    here, nearest = stands, np.inf
+    for _ in range(400):
+        tick = controller.step(here)
+        assert tick.ok and not tick.relaxed, tick.report()
+        here = hoap2.snapshot(hoap2.integrate(here.q, tick.velocity, DT), tick.velocity)
+        ball.advance(DT)
+        nearest = min(nearest, float(around.model.nearest(here, 1).distance[0]))
+    assert nearest > 0.02

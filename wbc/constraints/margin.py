@@ -277,7 +277,9 @@ def _split_bounds_and_push(distances: Distances, least: Array) -> tuple[Array, R
     wanted = least > 0.0
     if not wanted.any():
         return least, None
-    push = Rows(distances.jacobian[wanted], least[wanted], np.ones(int(np.count_nonzero(wanted))))
+    rate = None if distances.rate is None else np.asarray(distances.rate[wanted], dtype=float)
+    matrix, target = distances.jacobian[wanted], least[wanted]
+    push = Rows(matrix, target, np.ones(target.size), bias=rate)
     interior = np.minimum(lib.wbc_interior_speed, lib.wbc_interior_share * least)
     return np.where(wanted, -interior, least), push
 

@@ -157,16 +157,17 @@ def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
     At the velocity level a body inside a margin stops approaching in one tick. Motors cannot do
     that: such rows would contradict the torque bounds, and the tick would relax contacts instead.
     So at the torque level a fast approach is braked as hard as possible, not at once. Upper ends,
-    which users' rows have, likewise.
+    which users' rows have, likewise. A violation is left slowly; the rate at which something comes
+    (the push's ``-bias``) is to be had at once.
     """
     if not bounds.lower.size:
         return bounds
     now, change, push = bounds.matrix @ v, MARGIN_BRAKING * dt, bounds.push
     lower, upper = np.minimum(bounds.lower, now + change), np.maximum(bounds.upper, now - change)
     if push is not None:
-        rate = push.matrix @ v
+        rate, coming = push.matrix @ v, 0.0 if push.bias is None else -push.bias
         leaving = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
-        most = np.minimum(rate + change, np.maximum(rate, 0.0) + leaving)
+        most = np.minimum(rate + change, np.maximum(rate, coming) + leaving)
         push = push._replace(target=np.maximum(np.minimum(push.target, most), rate - leaving))
     return bounds._replace(lower=lower, upper=upper, push=push)
 
