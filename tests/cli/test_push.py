@@ -61,6 +61,25 @@ def test_pushed_written_and_drawn(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("ending", ["json", "npz"])
+def test_pushes_of_an_output_are_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    place, once = tmp_path / f"r.{ending}", (*GRID[:3], "0.4", *GRID[4:])
+    tried = signalling(monkeypatch, PushedProblem, "__call__", 100)
+    assert run(tmp_path, *once, "-o", place).exit_code == 0 and len(tried) == 2
+    first, before = run(tmp_path, *GRID, "-o", place), place.read_bytes()
+    assert first.exit_code == 0 and len(tried) == 4  # those of the larger grid
+    again = run(tmp_path, *GRID, "-o", place)
+    assert again.exit_code == 0 and len(tried) == 4 and place.read_bytes() == before
+    assert f"r.{ending} has 4 pushes already; delete it" in " ".join(again.stderr.split())
+    other = run(tmp_path, *once, "-o", place, "--duration", 0.05)  # not those of another push
+    assert other.exit_code == 0 and len(tried) == 6
+    place.write_bytes(b"[]")
+    assert run(tmp_path, *once, "-o", place).exit_code == 0 and len(tried) == 8
+
+
+@pytest.mark.slow
 def test_who_is_not_at_rest_without_a_push_either_is_told(tmp_path: Path) -> None:
     text = STAND + "simulation: {duration: 0.25, start: {velocity: [0.4, 0, 0]}}\n"
     grid = ("--directions", 1, "--ratios", "3.0", "--workers", 1, "--at", 0.05)

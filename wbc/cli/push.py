@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 PUSH_EXIT_CODES = (
     "Exit codes: 0 every push was tried; 1 bad input; 2 wrong usage; 130 or 143 ended by Ctrl-C or"
-    " SIGTERM. The same command then goes on where it ended, also after a kill."
+    " SIGTERM. The same command then goes on where it ended, also after a kill; pushes that an"
+    " output (.json or .npz) has are not tried again."
 )
 RATIOS = "0.8:2.0:0.1"
 PARTIAL = ".partial"  # suffix of the journal, until the campaign is done
@@ -132,7 +133,7 @@ def _campaign(
     from wbc.cli.push_report import print_maps
     from wbc.problem.pushed_problem import conditions
     from wbc.simulation.campaign import CampaignLog
-    from wbc.simulation.push_map import save_maps
+    from wbc.simulation.push_map import save_maps, saved_outcomes
 
     pushed = [load() for load in loads]
     names = _names(paths)
@@ -149,6 +150,13 @@ def _campaign(
     with log:
         if log.entries and not quiet:
             typer.echo(f"goes on with what is in {kept}, pushes: {len(log.entries)}", err=True)
+        for each in output:
+            count = 0
+            for name, outcomes in saved_outcomes(each, made_of).items():
+                log.known.setdefault(name, []).extend(outcomes)
+                count += len(outcomes)
+            if count and not quiet:
+                typer.echo(f"{each} has {count} pushes already; delete it to begin anew", err=True)
         maps, interrupts = _push_all(names, loads, pushed, grid, workers, log, quiet)
         outputs = Outputs()
         if not interrupts():

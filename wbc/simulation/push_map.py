@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,12 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.errors import InvalidInputError
+from wbc.files import read_arrays
 from wbc.run.saving import save_result
 from wbc.simulation.campaign import PushGrid, PushOutcome, key
 from wbc.simulation.push_bounds import PushBounds
 from wbc.validate import Array
 
 UNTRIED, FELL, SURVIVED = -1, 0, 1
+LARGEST = 100_000_000  # bytes of a summary in an .npz
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +235,27 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
         return table
 
     save_result(path, summary, arrays, columns)
+
+
+def saved_outcomes(path: Path, made_with: Mapping[str, Any]) -> Mapping[str, Sequence[PushOutcome]]:
+    """Return the outcomes in a ``.json`` or ``.npz`` of :func:`save_maps`, by problem.
+
+    None of a file that was not made of the same inputs, or cannot be read.
+    """
+    try:
+        if path.suffix == ".npz":
+            arrays = read_arrays(path, {"summary"}.intersection, lambda _: "U", LARGEST)
+            told = json.loads(str(arrays["summary"]))
+        else:
+            told = json.loads(path.read_bytes())
+        if {name: told[name] for name in made_with} != json.loads(json.dumps(made_with)):
+            return {}
+        return {
+            one["problem"]: [PushOutcome(**outcome) for outcome in one["outcomes"]]
+            for one in told["maps"]
+        }
+    except (OSError, ValueError, KeyError, TypeError, InvalidInputError):
+        return {}
 
 
 def _prefixes(maps: Sequence[PushMap]) -> list[str]:
