@@ -101,6 +101,34 @@ def test_a_robot_that_turns_goes_where_it_faces_as_fast_as_it_is_told() -> None:
     assert abs(way.imag) < 0.04 * way.real and way.real > 0.9 * command.vx
 
 
+@pytest.mark.parametrize(("said", "real"), [(None, 0.4), (0.6, 0.6), (0.2, 0.2)])
+def test_the_speed_to_a_side_is_judged_along_that_side(said: float | None, real: float) -> None:
+    monitor = SpeedMonitor.of(OMEGA, GRAVITY)._replace(start=0j, unjudged=0.0, before=0.4j)
+    for _ in range(round(STEP / DT)):
+        monitor = monitor.update(False, 0.4j, 0.0, DT)
+    speed = monitor.deviation(real * STEP * 1j * AHEAD, AHEAD, along=1j)
+    assert speed == (said if said is None else pytest.approx(said))
+    assert monitor.deviation(real * STEP * 1j * AHEAD, AHEAD) is None  # nor ahead
+
+
+@pytest.mark.slow
+def test_a_robot_that_does_not_sustain_its_speed_to_a_side_slows_down_and_walks_on() -> None:
+    """A G1 with noise fell at what its legs reach sideways, in a second at twice that speed."""
+    noise = Sensors(
+        position_noise=1e-3, velocity_noise=0.05, base_rotation_noise=1e-3, base_rate_noise=0.05,
+        delay=0.002,
+    )  # fmt: skip
+    walker = Walker(load("g1"))
+    plant = Plant(walker.robot, dt=walker.dt, sensors=noise, mismatch=ModelMismatch(mass=1.03))
+    side = TimedCommand(0.1, Velocity(0.0, -walker.limits.sideways, 0.0))
+    walk = ScheduledWalk(walker, [side], lambda: plant.felt_forces)
+    *_, last = simulate(walker.controller, plant, 9.0, update=walk.update)
+    assert last.verdict.stood and plant.com[1] < -2.0
+    assert walker.limits.sideways == -walker.velocity.vy < 0.35
+    assert "m/s sideways was not sustained" in walker.notes[0]
+    assert "sustain" in walker.command(0.0, 0.4).reason
+
+
 def test_nothing_is_judged_at_the_start_and_after_a_push():
     pushed = SpeedMonitor.of(OMEGA, GRAVITY)._replace(unjudged=0.0).update(True, 1.0, 1.0, DT)
     for begin, time in ((pushed, PUSH_TIME), (SpeedMonitor.of(OMEGA, GRAVITY), CHANGE_TIME)):
@@ -132,7 +160,7 @@ def half_strong(robot, speed):
 def test_a_robot_of_half_its_torque_slows_down_and_walks_on_where_it_fell():
     robot, speed, seconds = load("g1"), 1.1, 6.0
     walker = half_strong(robot, speed)
-    walker._slow_down = lambda why: None
+    walker._slow_down = lambda aside, why: None
     now, _, _ = walk(walker, speed, seconds)
     assert not now.verdict.stood and not walker.notes[1:]
     walker = half_strong(robot, speed)

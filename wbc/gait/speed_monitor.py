@@ -24,14 +24,16 @@ PUSH, PUSH_TIME, CHANGE_TIME = 0.06, 6.0, 3.0
 
 
 class SpeedMonitor(NamedTuple):
-    """Judges the forward speed from the motors' torques, and from landing to landing.
+    """Judges the speed from the motors' torques, and from landing to landing.
+
+    Velocities are forwards and to the left, as x + i y.
 
     ``omega``, ``gravity``: of the pendulum [1/s], and g [m/s^2].
     ``unjudged``: for how long nothing is judged yet [s].
     ``strain``: part of the time in which hips or knees are at torque limits, filtered.
     ``start``, ``duration``, ``commanded``: CoM at the last landing as x + i y, or None before the
-    first [m]; time since then [s], and distance commanded in it [m].
-    ``before``: mean speed commanded in the step before [m/s].
+    first [m]; time since then [s], and way commanded in it [m].
+    ``before``: mean velocity commanded in the step before [m/s].
     """
 
     omega: float
@@ -40,31 +42,31 @@ class SpeedMonitor(NamedTuple):
     strain: float = 0.0
     start: complex | None = None
     duration: float = 0.0
-    commanded: float = 0.0
-    before: float = 0.0
+    commanded: complex = 0j
+    before: complex = 0j
 
     @classmethod
     def of(cls, omega: float, gravity: float) -> Self:
         """Return the monitor of a robot that begins to walk."""
         return cls(omega, gravity, CHANGE_TIME / omega)
 
-    def update(self, at_limit: bool, speed: float, push: float, dt: float) -> Self:
+    def update(self, at_limit: bool, velocity: complex, push: float, dt: float) -> Self:
         """Return the monitor ``dt`` later.
 
         ``at_limit``: whether a hip or knee is at its torque limit.
-        ``speed``: commanded [m/s].
+        ``velocity``: commanded [m/s].
         ``push``: observed acceleration by external forces [m/s^2].
         """
         omega, gravity, unjudged, strain, start, duration, commanded, before = self
         quiet = PUSH_TIME / omega if push > PUSH * gravity else unjudged - dt
         strain += dt * omega / FILTER_TIME * (at_limit - strain)
-        way = duration + dt, commanded + dt * speed
+        way = duration + dt, commanded + dt * velocity
         return type(self)(omega, gravity, max(quiet, 0.0), strain, start, *way, before)
 
     def land(self, com: complex) -> Self:
         """Return the monitor of the next step."""
         mean = self.commanded / self.duration
-        return self._replace(start=com, duration=0.0, commanded=0.0, before=mean)
+        return self._replace(start=com, duration=0.0, commanded=0j, before=mean)
 
     def reduced(self) -> Self:
         """Return the monitor after a reduction of the speed."""
@@ -75,17 +77,22 @@ class SpeedMonitor(NamedTuple):
         """Whether hips or knees are at their torque limits for too long."""
         return self.strain > STRAIN and not self.unjudged
 
-    def deviation(self, com: complex, ahead: complex, outer: float = 0.0) -> float | None:
+    def deviation(
+        self, com: complex, ahead: complex, outer: float = 0.0, along: complex = 1.0
+    ) -> float | None:
         """Return the speed of the step that ends [m/s] if it is not the commanded one, or None.
 
         ``com``, ``ahead``: CoM at the landing [m], and unit vector of the step's mean heading, as x
         + i y.
         ``outer``: how much faster the outer foot goes than the inner one [m/s].
+        ``along``: the axis that is judged: 1 forwards, i to the left.
         """
         if self.start is None or self.unjudged:
             return None
-        speed = ((com - self.start) * ahead.conjugate()).real / self.duration
-        least, most = sorted((self.before, self.commanded / self.duration))
+        to_axis = along.conjugate()
+        speed = ((com - self.start) * ahead.conjugate() * to_axis).real / self.duration
+        told = self.before, self.commanded / self.duration
+        least, most = sorted((velocity * to_axis).real for velocity in told)
         small, uneven = SMALL_DEVIATION * self.gravity / self.omega, UNEVEN * outer
         least -= max(DEVIATION * abs(least), small) + uneven
         most += max(DEVIATION * abs(most), small) + uneven

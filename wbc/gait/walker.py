@@ -490,33 +490,44 @@ class Walker:
         at_limit = torque is not None and any(
             map(ge, map(abs, torque[self._bearing].tolist()), self._bearing_limits)
         )
-        self._monitor = self._monitor.update(at_limit, self.velocity.vx, push, self.dt)
+        self._monitor = self._monitor.update(at_limit, complex(*self.velocity[:2]), push, self.dt)
         if self._monitor.is_strained:
-            self._slow_down("hips or knees are at their torque limits most of the time")
+            why = "hips or knees are at their torque limits most of the time"
+            self._slow_down(self._is_sideways, why)
 
     def _judge_step(self, snapshot: Snapshot) -> None:
         """Slow down if a step was made at another speed than commanded."""
         com, rate = in_plane(snapshot.com), self.velocity.yaw_rate
         ahead = cmath.rect(1.0, self.heading - 0.5 * rate * self._monitor.duration)
-        speed = self._monitor.deviation(com, ahead, abs(rate) * self.gait.width)
+        outer, aside = abs(rate) * self.gait.width, self._is_sideways
+        speed = self._monitor.deviation(com, ahead, outer, 1j if aside else 1.0)
         self._monitor = self._monitor.land(com)
         if speed is not None:
-            self._slow_down(f"a step was made at {speed:.2f} m/s")
+            self._slow_down(aside, f"a step was made at {speed:.2f} m/s")
 
-    def _slow_down(self, why: str) -> None:
-        """Reduce the largest speed forwards to a part of the present one."""
-        speed, gait = abs(self.velocity.vx), self.gait
+    @property
+    def _is_sideways(self) -> bool:
+        """Whether the velocity to a side is a larger part of its limit than that forwards."""
+        (vx, vy, _), limits = self.velocity, self.limits
+        return abs(vy) * limits.forwards > abs(vx) * limits.sideways
+
+    def _slow_down(self, aside: bool, why: str) -> None:
+        """Reduce the largest speed forwards, or ``aside``, to a part of the present one."""
+        speed, gait, limits = abs(self.velocity[aside]), self.gait, self.limits
         limit = SPEED_REDUCTION * speed
         on_steps = isinstance(self.phase, SingleSupport) and bool(self.phase.given)
-        if on_steps or self.coming or abs(self.wanted.vx) < speed:
+        if on_steps or self.coming or abs(self.wanted[aside]) < speed:
             return  # footsteps are kept, and it slows down already
-        if limit >= self.limits.forwards or speed < SLOW * gait.gravity / gait.omega:
+        axis = "sideways" if aside else "forwards"
+        if limit >= getattr(limits, axis) or speed < SLOW * gait.gravity / gait.omega:
             return
         self._monitor = self._monitor.reduced()
-        reasons = ("speed that it was seen to sustain", *self.limits.why[1:])
-        self.limits = replace(self.limits, forwards=limit, why=reasons)
+        seen, (ahead, side, turning) = "speed that it was seen to sustain", limits.why
+        why_limited = (ahead, seen, turning) if aside else (seen, side, turning)
+        self.limits = replace(limits, **{axis: limit}, why=why_limited)
         self.wanted = self.limits.admit(*self.wanted).velocity
-        note = f"{speed:.2f} m/s was not sustained, {why}: at most {limit:.2f} m/s from then on"
+        told = f"{speed:.2f} m/s {'sideways ' * aside}was not sustained"
+        note = f"{told}, {why}: at most {limit:.2f} m/s from then on"
         self.notes = (*self.notes, note)
         logging.getLogger(__name__).warning("walker: %s", note, extra=NOTED)
 
