@@ -349,10 +349,10 @@ def test_a_push_on_the_last_footstep_takes_further_steps(g1_27: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_footsteps_that_follow_a_turn_face_as_the_foot_lands_whose_turn_ends(hoap2: Robot) -> None:
-    """Relative to a foot in the air, whose turn was taken to go on: 0.16 rad off."""
+def test_footsteps_are_relative_to_where_the_foot_in_the_air_lands(hoap2: Robot) -> None:
+    """It slowed down in the air, after its place was told: a G1 at 0.8 m/s was 7 cm off."""
     walker, plant = Walker(hoap2, dt=0.002), Plant(hoap2, dt=0.002)
-    walker.command(0.05, 0.0, 0.8)
+    walker.command(0.15, 0.0, 0.8)
 
     def step() -> None:
         plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
@@ -365,4 +365,5 @@ def test_footsteps_that_follow_a_turn_face_as_the_foot_lands_whose_turn_ends(hoa
     while walker.steps == made:
         step()
     landed = sole_poses(plant.snapshot())[other(foot)]
-    assert abs(wanted.seen_from(landed).yaw) < 0.02
+    seen = wanted.seen_from(landed)
+    assert abs(seen.yaw) < 0.02 and math.hypot(seen.x - 0.02, seen.y - beside) < 3e-3

@@ -334,13 +334,8 @@ class Walker:
             other foot or on it. The message names the value and its range.
         """
         check_snapshot(self.robot, snapshot)
-        now, heading, velocity = self._measured(snapshot), self.heading, self.velocity
-        if isinstance(self.phase, SingleSupport):  # its turn ends from now on, as it lands
-            left, rate = max(self.phase.left, 0.0), velocity.yaw_rate
-            velocity = velocity.towards(Velocity(), 0.0, YAW_ACCELERATION * left)
-            slowing = min(left, abs(rate) / YAW_ACCELERATION)
-            heading += 0.5 * (rate + velocity.yaw_rate) * slowing - velocity.yaw_rate * left
-        feet = self._planner.feet_after(self.phase, now, heading, velocity)
+        now = self._measured(snapshot)
+        feet = self._planner.feet_after(self.phase, now, self.heading, self.velocity)
         begins = next_foot(self.phase)
         self.coming = self._range.admitted(
             footsteps, feet, begins, relative=relative, ground=ground
@@ -382,7 +377,8 @@ class Walker:
             dcm = now.dcm - self._pressure_shift
             now = now._replace(dcm=dcm, pressure_offset=self._whole_body.pressure_offset)
         on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
-        wanted = on_steps or self.wanted
+        lands = bool(self.coming) and isinstance(self.phase, SingleSupport)  # where it was to
+        wanted = on_steps or (self.velocity if lands else self.wanted)
         if self.velocity != wanted:
             change = acceleration * dt, YAW_ACCELERATION * dt
             self.velocity = self.velocity.towards(wanted, *change)
