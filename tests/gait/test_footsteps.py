@@ -30,7 +30,7 @@ def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
 
 def on_one_foot(support: str, elapsed: float, left: float, goal: complex = 0j) -> SingleSupport:
     swing = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.1)
-    stands = Foothold.whole(np.eye(3), np.eye(3)[2], np.array((0.08, 0.03)))
+    stands = Foothold.whole(np.eye(3)[2], np.eye(3)[2], np.array((0.08, 0.03)))
     return SingleSupport(support, swing, elapsed, left, goal, 0j, stands)
 
 

@@ -159,7 +159,7 @@ def pressed_at(point: tuple[float, float], R: Array, load: float = WEIGHT) -> Ar
     [(0, 1, (0.028, 0.01)), (0, -1, (-0.05, 0.0)), (1, 1, (0.0, 0.02)), (1, -1, (0.03, -0.01))],
 )
 def test_who_tips_over_an_edge_is_pressed_this_side_of_it(axis, sign, point) -> None:
-    stood = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
+    stood = Foothold.whole(tipped(np.zeros(3), 0.0)[:, 2], UP, HALF)
     # ahead is over the axis to the left, to the left is over the one that points back
     about = sign * (np.array((0.0, 1.0, 0.0)), np.array((-1.0, 0.0, 0.0)))[axis]
     R = tipped(about, 0.05)
@@ -186,7 +186,7 @@ def test_who_tips_over_an_edge_is_pressed_this_side_of_it(axis, sign, point) -> 
 def test_who_goes_on_tipping_is_pressed_this_side_of_its_edge_all_the_time() -> None:
     """Pressed on its own edge for as long as it takes to turn back, a sole keeps the rest of it."""
     R = tipped(np.array((0.0, 1.0, 0.0)), 0.05)
-    known = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
+    known = Foothold.whole(tipped(np.zeros(3), 0.0)[:, 2], UP, HALF)
     for _ in range(20):
         known = known.update(R, pressed_at((HALF[0], 0.0), R), WEIGHT)
     np.testing.assert_allclose(known.upper, (0.9 * HALF[0], HALF[1]), atol=1e-12)
@@ -196,7 +196,7 @@ def test_who_goes_on_tipping_is_pressed_this_side_of_its_edge_all_the_time() -> 
 def test_who_settles_from_a_tilted_landing_does_not_tip() -> None:
     """From 0.12 rad back to the ground it turns the other way; farther from it, it tips."""
     about = np.array((0.0, 1.0, 0.0))
-    landed = Foothold.whole(tipped(about, 0.12), UP, HALF)
+    landed = Foothold.whole(tipped(about, 0.12)[:, 2], UP, HALF)
     for angle in (0.1, 0.05, 0.0, -0.02):
         R = tipped(about, angle)
         assert landed.update(R, pressed_at((0.07, 0.0), R), WEIGHT) is landed
@@ -208,7 +208,7 @@ def test_who_settles_from_a_tilted_landing_does_not_tip() -> None:
 
 def test_what_turns_little_or_bears_little_tells_nothing() -> None:
     flat, about = tipped(np.zeros(3), 0.0), np.array((0.0, 1.0, 0.0))
-    stood = Foothold.whole(flat, UP, HALF)
+    stood = Foothold.whole(flat[:, 2], UP, HALF)
     for angle, load in ((0.02, WEIGHT), (0.2, 0.05 * WEIGHT)):
         R = tipped(about, angle)
         assert stood.update(R, pressed_at((0.02, 0.0), R, load), WEIGHT) is stood
@@ -217,7 +217,7 @@ def test_what_turns_little_or_bears_little_tells_nothing() -> None:
 
 
 def test_something_is_left_of_a_sole_that_tips_all_ways() -> None:
-    known = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
+    known = Foothold.whole(tipped(np.zeros(3), 0.0)[:, 2], UP, HALF)
     for about, point in (((0.0, 1.0, 0.0), (-0.06, 0.0)), ((0.0, -1.0, 0.0), (0.07, 0.0))):
         R = tipped(np.array(about), 0.1)
         known = known.update(R, pressed_at(point, R), WEIGHT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -16,6 +17,8 @@ TIP_GROWTH = 0.003
 EDGE_MARGIN = 0.1
 # A sole that bears less than this part of the weight gives no estimate.
 MIN_LOAD = 0.1
+
+Rotation = Sequence[Sequence[float]]  # three rows of three numbers
 
 
 class Foothold(NamedTuple):
@@ -47,11 +50,11 @@ class Foothold(NamedTuple):
     tipped: Array
 
     @classmethod
-    def whole(cls, rotation: Array, level: Array, half: Array) -> Self:
-        """Return all of a sole with axes (3, 3) and half sizes (2,), on ground of normal (3,)."""
-        return cls(rotation[:, 2], level, -half, half, half, np.zeros(2))
+    def whole(cls, normal: Array, level: Array, half: Array) -> Self:
+        """Return all of a sole of a normal (3,) and half sizes (2,), on ground of normal (3,)."""
+        return cls(normal, level, -half, half, half, np.zeros(2))
 
-    def update(self, rotation: Array, wrench: Array, weight: float) -> Self:
+    def update(self, rotation: Rotation, wrench: Array, weight: float) -> Self:
         """Return the foothold updated by a measurement.
 
         ``rotation``: (3, 3) of the sole.
@@ -59,15 +62,18 @@ class Foothold(NamedTuple):
         ``weight``: of the robot [N].
         """
         # Components of the former normal: a sole that tips ahead leans back from it.
-        tilt = self.normal.dot(rotation[:, :2])
-        if max(map(abs, tilt.tolist())) <= TIP_ANGLE and not any(self.tipped.tolist()):
+        (a, b, _), (c, d, _), (e, f, _) = rotation
+        x, y, z = self.normal.tolist()
+        ahead, aside = x * a + y * c + z * e, x * b + y * d + z * f
+        if max(abs(ahead), abs(aside)) <= TIP_ANGLE and not any(self.tipped.tolist()):
             return self  # it stands as it stood
-        level = self.level.dot(rotation[:, :2])
+        R, tilt = np.array(rotation), np.array((ahead, aside))
+        level = self.level.dot(R[:, :2])
         sign = np.sign(tilt)
         angle = np.minimum(sign * tilt, sign * level)
         is_tipping = angle > np.maximum(sign * self.tipped + TIP_GROWTH, TIP_ANGLE)
         has_settled = (angle < 0.5 * TIP_ANGLE) & (self.tipped != 0.0)
-        force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
+        force, moment = R.T @ wrench[:3], R.T @ wrench[3:]
         if force[2] < MIN_LOAD * weight or not (is_tipping | has_settled).any():
             return self
         tipped = np.where(is_tipping, sign * angle, np.where(has_settled, 0.0, self.tipped))

@@ -7,7 +7,7 @@ import math
 from functools import lru_cache
 
 from wbc.gait.command import Velocity
-from wbc.gait.dcm import shift_gain
+from wbc.gait.dcm import StepTimes, shift_gain
 from wbc.gait.settings import GaitSettings
 
 SIGN = {"left": 1.0, "right": -1.0}
@@ -26,7 +26,8 @@ def nominal_step(gait: GaitSettings, support: str, heading: float, velocity: Vel
 
     ``heading``: of the stance foot [rad].
     """
-    return cmath.rect(1.0, heading) * _local_step(gait, support, velocity)
+    step = _step(SIGN[other(support)], velocity, gait.times.total, gait.width)
+    return cmath.rect(1.0, heading) * step
 
 
 def nominal_offset(gait: GaitSettings, foot: str, heading: float, velocity: Velocity) -> complex:
@@ -36,19 +37,24 @@ def nominal_offset(gait: GaitSettings, foot: str, heading: float, velocity: Velo
     :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T: a
     geometric series.
     """
-    T = gait.times.total
-    decay = math.exp(-gait.omega * T)
+    sign = SIGN[other(foot)]
+    gain, pair, rest = _endless_walk(sign, velocity, gait.times, gait.width, gait.omega)
+    return gain * cmath.rect(1.0, heading) * pair / rest
+
+
+@lru_cache(maxsize=2)  # of both feet: most walks are steady
+def _endless_walk(
+    sign: float, velocity: Velocity, times: StepTimes, width: float, omega: float
+) -> tuple[float, complex, complex]:
+    """Return the first step's gain on the DCM, two steps as seen from the foot, and 1 - q^2."""
+    T = times.total
+    decay = math.exp(-omega * T)
     q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
-    pair = _local_step(gait, foot, velocity) + q * _local_step(gait, other(foot), velocity)
-    gain = decay * shift_gain(gait.omega, gait.double)
-    return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
+    pair = _step(sign, velocity, T, width) + q * _step(-sign, velocity, T, width)
+    return decay * shift_gain(omega, times.double), pair, 1.0 - q * q
 
 
-def _local_step(gait: GaitSettings, support: str, velocity: Velocity) -> complex:
-    return _step(SIGN[other(support)], velocity, gait.times.total, gait.width)
-
-
-@lru_cache(maxsize=2)  # both feet's are needed in every tick, and most walks are steady
+@lru_cache(maxsize=2)
 def _step(sign: float, velocity: Velocity, T: float, width: float) -> complex:
     """Return the step of a foot at the side ``sign``, as seen from the other: x + i y [m]."""
     vx, vy, yaw_rate = velocity

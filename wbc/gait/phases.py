@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -10,7 +11,7 @@ import numpy as np
 from wbc.gait.adaptation import Multipliers
 from wbc.gait.crossing import Crossing
 from wbc.gait.dcm import in_plane
-from wbc.gait.foothold import Foothold
+from wbc.gait.foothold import Foothold, Rotation
 from wbc.gait.footsteps import other
 from wbc.gait.prescribed_steps import Footstep
 from wbc.gait.settings import GaitSettings
@@ -23,7 +24,7 @@ from wbc.validate import Array
 # half the speed it grows by a half, more than the sole can correct.
 DESCENT = 0.16
 
-Place = tuple[float, float, float]
+Place = Sequence[float]  # x, y, z [m]
 
 
 class GaitState(NamedTuple):
@@ -36,14 +37,14 @@ class GaitState(NamedTuple):
     than the length of a sole.
 
     ``dcm``: with the velocity above, as x + i y [m].
-    ``places``, ``rotations``: of the soles, by foot: x, y, z [m], as numbers, and (3, 3).
+    ``places``, ``rotations``: of the soles, by foot, as numbers: x, y, z [m], and the rows of (3, 3).
     ``pressure_offset``: offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted
     back by it, so that a walk is planned as if the CoP were at their middles.
     """
 
     dcm: complex
     places: dict[str, Place]
-    rotations: dict[str, Array]
+    rotations: dict[str, Rotation]
     pressure_offset: float = 0.0
 
     @classmethod
@@ -53,11 +54,9 @@ class GaitState(NamedTuple):
         x, y, _ = snapshot.com.tolist()
         velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
         places: dict[str, Place] = {}
-        rotations: dict[str, Array] = {}
-        for foot, frame in frames.items():
-            place, rotations[foot] = snapshot.placement(frame)
-            px, py, pz = place.tolist()
-            places[foot] = px, py, pz
+        rotations: dict[str, Rotation] = {}
+        for foot, pose in zip(frames, snapshot._poses(*frames.values()).tolist(), strict=True):
+            places[foot], *rotations[foot] = pose
         return cls(complex(x, y) + velocity / omega, places, rotations)
 
     def place(self, foot: str) -> complex:
@@ -77,7 +76,11 @@ class GaitState(NamedTuple):
     @property
     def normal(self) -> Array:
         """Mean normal of both soles (3,), not normalised."""
-        return np.asarray(0.5 * (self.rotations["left"] + self.rotations["right"])[:, 2])
+        return np.asarray(0.5 * (self.upwards("left") + self.upwards("right")))
+
+    def upwards(self, foot: str) -> Array:
+        """Return the normal (3,) of a sole."""
+        return np.array([row[2] for row in self.rotations[foot]])
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ class SingleSupport(NamedTuple):
             single = step.single(gait)
             level = None if step.z is None else min(stands, step.z)
             if step.normal is not None:
-                lands, sole = step.normal, now.rotations[foot][:, 2]
+                lands, sole = step.normal, now.upwards(foot)
         swing = SwingFoot.lift_off(
             pose[:3],
             float(pose[3]),
@@ -151,7 +154,7 @@ class SingleSupport(NamedTuple):
             sole=sole,
             crossing=crossing,
         )
-        hold = Foothold.whole(now.rotations[other(foot)], normal, half)
+        hold = Foothold.whole(now.upwards(other(foot)), normal, half)
         return cls(other(foot), swing, 0.0, single, in_plane(pose), 0j, hold, given, level)
 
     def update(self, now: GaitState, wrench: Array, weight: float) -> Self:
@@ -163,7 +166,7 @@ class SingleSupport(NamedTuple):
 Phase = Standing | DoubleSupport | SingleSupport
 
 
-def sole_pose(place: Place | Array, rotation: Array) -> Array:
+def sole_pose(place: Place | Array, rotation: Rotation | Array) -> Array:
     """Return x, y, yaw and z (4,) [m, rad]."""
     return np.array((place[0], place[1], yaw_of(rotation), place[2]))
 

@@ -323,7 +323,7 @@ class StepPlanner:
         foot that is being unloaded shrinks to zero with its force limit.
         """
         if isinstance(phase, SingleSupport):
-            (a, b, _), (c, d, _), _ = now.rotations[phase.support].tolist()
+            (a, b, _), (c, d, _), _ = now.rotations[phase.support]
             place = now.place(phase.support)
             x, y = (vrp - place).real, (vrp - place).imag
             x, y = phase.foothold.nearest(a * x + c * y, b * x + d * y)
@@ -339,7 +339,7 @@ class StepPlanner:
         """Return the corners (4,) of a ``share`` of each sole, x + i y [m], by foot."""
         found = {}
         for foot, rotation in now.rotations.items():
-            (a, b, _), (c, d, _), _ = rotation.tolist()
+            (a, b, _), (c, d, _), _ = rotation
             length, width = self.soles[foot].tolist()
             ahead, aside = share * length * complex(a, c), share * width * complex(b, d)
             ways, place = (ahead + aside, aside - ahead), now.place(foot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -141,9 +142,9 @@ class SwingFoot(NamedTuple):
         return FootPose(placed[:3], placed[3:12].reshape(3, 3), placed[12:18], placed[18:])
 
 
-def yaw_of(R: Array) -> float:
+def yaw_of(R: Array | Sequence[Sequence[float]]) -> float:
     """Return the heading [rad] of a frame's x axis."""
-    return math.atan2(R[1, 0], R[0, 0])
+    return math.atan2(R[1][0], R[0][0])
 
 
 def turned(yaw: float) -> Array:

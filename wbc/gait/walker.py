@@ -95,6 +95,7 @@ KINDS = {
     **dict.fromkeys(("velocity", "wanted"), (Velocity, "Velocity(0.3); or walker.command(0.3)")),
 }
 FIXED = frozenset(("robot", "gait", "controller", "dt"))
+GUARDED = METHODS | KINDS.keys() | FIXED
 # Settings of its controller that a walker is given by name; contacts are the walk's own.
 SETTINGS = {*signature(TorqueController).parameters} - {"robot", "more", "contacts"}
 
@@ -197,7 +198,7 @@ class Walker:
         self._range = StepRange.of(robot, self.gait, legs)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         for foot, R in now.rotations.items():
-            tilt = math.degrees(math.acos(min(R.item(2, 2), 1.0)))
+            tilt = math.degrees(math.acos(min(R[2][2], 1.0)))
             if tilt > MAX_TILT:
                 raise InvalidInputError(
                     f"walker, posture: the {foot} sole is tilted by {tilt:.0f} degrees; give a"
@@ -241,13 +242,17 @@ class Walker:
     if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
 
         def __setattr__(self, name: str, value: object) -> None:
-            if name in METHODS:  # walker.command = 0.3 would walk nowhere, in silence
-                raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
-            if name in KINDS:
-                check_kind(f"walker, {name}", value, *KINDS[name])
-            elif name in FIXED and "controller" in self.__dict__:
-                raise InvalidInputError(f"walker: {name} cannot be assigned; make another Walker")
+            if name in GUARDED:
+                self._check_assigned(name, value)
             object.__setattr__(self, name, value)
+
+    def _check_assigned(self, name: str, value: object) -> None:
+        if name in METHODS:  # walker.command = 0.3 would walk nowhere, in silence
+            raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
+        if name in KINDS:
+            check_kind(f"walker, {name}", value, *KINDS[name])
+        elif "controller" in self.__dict__:
+            raise InvalidInputError(f"walker: {name} cannot be assigned; make another Walker")
 
     def __copy__(self) -> Self:
         """Return a walker of the same robot, with its own state: both walk on from here."""
@@ -432,7 +437,7 @@ class Walker:
 
     def _notice_jump(self, snapshot: Snapshot, now: GaitState) -> None:
         """Begin anew where a standing robot was put; say so, once, if it walked."""
-        moved = max(math.dist(now.places[foot], self._places[foot]) for foot in SIGN)
+        moved = max(map(math.dist, now.places.values(), self._places.values()))
         if moved <= START_TOLERANCE:
             return
         if isinstance(self.phase, Standing):
@@ -477,7 +482,7 @@ class Walker:
         height = SwingMotion(ground + self._nominal_height, *rates)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         place = self._planner.project_onto_support(self.phase, vrp, now)
-        pressure = np.array((place.real, place.imag, reference.ground))
+        pressure = place.real, place.imag, reference.ground
         self._whole_body.set_targets(snapshot, pressure, height, self.heading, turn)
 
     def _judge_strain(self) -> None:
@@ -542,19 +547,11 @@ class Walker:
         """Return the wrenches (6,) on the soles, by foot; empty if they are not measured."""
         if forces is None:
             return {}
-        given = by_name("walker, forces", forces)
+        quick = forces if type(forces) is dict else {}
         wrenches: dict[str, Array] = {}
         for foot, frame in self._frames.items():
-            if frame not in given:
-                raise InvalidInputError(
-                    f"walker, forces: there is none on {frame!r}, only on {', '.join(given)}"
-                    if given
-                    else "walker, forces: there are none; without any give None, not {}"
-                )
-            wrench = plain_copy(given[frame], (6,))
-            if wrench is None:
-                wrench = finite_vector(f"walker, force on {frame!r}", given[frame], 6)
-            wrenches[foot] = wrench
+            wrench = plain_copy(quick.get(frame), (6,))
+            wrenches[foot] = _sole_wrench(forces, frame) if wrench is None else wrench
         return wrenches
 
     def _next_phase(self, snapshot: Snapshot, now: GaitState, loads: Mapping[str, Array]) -> Phase:
@@ -583,7 +580,7 @@ class Walker:
 
     def _lift_off(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
         foot = other(phase.support)
-        sole = now.rotations[phase.support][:, 2]  # settled by now
+        sole = now.upwards(phase.support)  # settled by now
         self._normal = unit((1.0 - NORMAL_GAIN) * self._normal + NORMAL_GAIN * sole)
         given, self.coming = self.coming, self.coming[1:]
         self._set_pace(0.0 if given else self._speed_ahead())
@@ -626,3 +623,15 @@ class Walker:
         time = WEIGHT_SHIFT / self.gait.omega if halts else self._planner.double_time(phase, now)
         moves = time if halts or phase.level is None else self.gait.double
         return DoubleSupport(foot, start, moves, time, halts=halts, level=phase.level)
+
+
+def _sole_wrench(forces: Mapping[str, ArrayLike], frame: str) -> Array:
+    """Return the wrench (6,) on a sole, looked at closely."""
+    given = by_name("walker, forces", forces)
+    if frame not in given:
+        raise InvalidInputError(
+            f"walker, forces: there is none on {frame!r}, only on {', '.join(given)}"
+            if given
+            else "walker, forces: there are none; without any give None, not {}"
+        )
+    return finite_vector(f"walker, force on {frame!r}", given[frame], 6)

@@ -18,14 +18,16 @@ from wbc.errors import InvalidInputError
 from wbc.gait.ability import leg_limits, pressure_offset
 from wbc.gait.arms import link_of
 from wbc.gait.crouch import walking_posture
+from wbc.gait.foothold import Rotation
 from wbc.gait.legs import SIDES, Legs
+from wbc.gait.phases import Place
 from wbc.gait.swing import FootPose, SwingMotion, turned
 from wbc.robot import Robot, Snapshot
 from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
-from wbc.validate import Array, check_fields, read_only
+from wbc.validate import check_fields, read_only
 
 UP = np.array((0.0, 0.0, 1.0))
 # Acceleration of a foot by its hips, in units of gravity, from which on ``WalkingWeights.lift`` is
@@ -258,14 +260,15 @@ class WholeBody:
         task._follow(*pose)
 
     def set_targets(
-        self, snapshot: Snapshot, pressure: Array, height: SwingMotion, heading: float, turn: float
+        self, snapshot: Snapshot, pressure: Place, height: SwingMotion, heading: float, turn: float
     ) -> None:
         """Set the centre of pressure (3,) [m], the CoM's height [m], and the heading [rad].
 
         ``turn`` is the heading's rate [rad/s]. The angular momentum about the vertical is that of
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
-        self._pressure.set_target(pressure)
+        about = read_only(np.array((*pressure, 0.0)))
+        self._pressure._follow(about[:3], about)
         motion = np.zeros((3, 3))
         motion[:, 2] = height
         self._height._follow(*read_only(motion))
@@ -284,7 +287,7 @@ def heaviest_link(robot: Robot) -> str:
     return link_of(robot, int(np.argmax([inertia.mass for inertia in robot.model.inertias])))
 
 
-def heading_of(rotations: Iterable[Array]) -> float:
+def heading_of(rotations: Iterable[Rotation]) -> float:
     """Return the mean heading of frames' x axes [rad]."""
-    ahead = np.sum([R[:2, 0] for R in rotations], axis=0)
-    return math.atan2(ahead[1], ahead[0])
+    x, y, _ = np.sum([[row[0] for row in R] for R in rotations], axis=0).tolist()
+    return math.atan2(y, x)

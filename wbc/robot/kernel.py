@@ -57,26 +57,26 @@ class NativeTree:
         self.parts = _slices(state) | _slices(motion)
         self.frames, self.motion_size = int(state.frames), int(motion.end)
         self.frame_size = int(lib.FRAME_JACOBIAN) + 6 * self.nv
-        self._places: dict[int, tuple[Any, Any]] = {}
+        self._places: dict[tuple[int, ...], tuple[int, Any, Any]] = {}
 
-    def place(self, index: int) -> tuple[Any, Any]:
-        """Return pointers to the joint of a frame and to its placement there."""
-        found = self._places.get(index)
+    def places(self, *indices: int) -> tuple[int, Any, Any]:
+        """Return how many frames, and pointers to their joints and to their placements there."""
+        found = self._places.get(indices)
         if found is None:
-            joint, placement = frame_places(self.model, [index])
-            found = self._places[index] = integers(joint), doubles(placement)
+            joints, placements = frame_places(self.model, indices)
+            found = self._places[indices] = len(indices), integers(joints), doubles(placements)
         return found
 
-    def pose(self, state: Array, index: int) -> Array:
-        """Return origin and rotation of a frame (12,), one behind the other."""
-        out = np.empty(lib.FRAME_JACOBIAN)
-        lib.wbc_frame_pose(self.struct, doubles(state), *self.place(index), doubles(out))
+    def poses(self, state: Array, *indices: int) -> Array:
+        """Return origin and rotation of each frame (k, 4, 3), one above the other."""
+        out = np.empty((len(indices), 4, 3))
+        lib.wbc_frame_poses(self.struct, doubles(state), *self.places(*indices), doubles(out))
         return read_only(out)
 
     def frame(self, state: Array, index: int) -> Array:
         """Return origin, rotation and Jacobian of a frame, one behind the other."""
         out = np.empty(self.frame_size)
-        lib.wbc_frames(self.struct, doubles(state), 1, *self.place(index), doubles(out))
+        lib.wbc_frames(self.struct, doubles(state), *self.places(index), doubles(out))
         return read_only(out)
 
 
@@ -129,7 +129,7 @@ class NativeMotion(NamedTuple):
         """Return the acceleration (6,) of a frame."""
         tree, out = self.tree, np.empty(6)
         state, motion, to = map(doubles, (self.state, self.array, out))
-        lib.wbc_drifts(tree.struct, state, motion, 1, *tree.place(index), to)
+        lib.wbc_drifts(tree.struct, state, motion, *tree.places(index), to)
         return read_only(out)
 
 

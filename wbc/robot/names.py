@@ -41,9 +41,10 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
 
 def looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
     """Return the index of a name."""
-    if not isinstance(name, str) or name not in indices:
-        raise UnknownNameError(kind, name, indices)
-    return indices[name]
+    try:
+        return indices[name]
+    except (KeyError, TypeError):  # or no name at all
+        raise UnknownNameError(kind, name, indices) from None
 
 
 def add_base_frame(model: pin.Model) -> tuple[str, ...]:

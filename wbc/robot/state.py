@@ -322,7 +322,11 @@ class KinematicState:
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         """Return where a frame is."""
-        state = self.native_state
-        pose = state.tree.pose(state.array, self.robot.frame_id(frame))
-        placed = self._placements[frame] = pose[:3], pose[3:].reshape(3, 3)
+        (pose,) = self._poses(frame)
+        placed = self._placements[frame] = pose[0], pose[1:]
         return placed
+
+    def _poses(self, *frames: str) -> Array:
+        """Return position and rotation of each frame (k, 4, 3), from one call of the core."""
+        state = self.native_state
+        return state.tree.poses(state.array, *map(self.robot.frame_id, frames))

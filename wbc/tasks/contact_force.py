@@ -214,7 +214,11 @@ class CopTask(ForceTask):
         goal = self._target(point, (size,))
         # The point, and whether its height is the contacts'.
         about = np.array((*goal.tolist(), *((0.0,) if size == 3 else (0.0, 1.0))))
-        self._assign(_goal=goal, _about=read_only(about))
+        self._follow(goal, read_only(about))
+
+    def _follow(self, goal: Array, about: Array) -> None:
+        """Set a target that the package made itself, of read-only arrays: not checked or copied."""
+        self._assign(_goal=goal, _about=about)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the moment about the target point: horizontal, or in the frame's plane."""

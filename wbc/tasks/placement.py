@@ -55,14 +55,19 @@ class PlacementTask(Task):
 
     def _follow(self, position: Array, rotation: Array, rate: Array, acceleration: Array) -> None:
         """Set a target that the package made itself, of read-only arrays: not checked or copied."""
-        if self._move(rate, acceleration):
-            self._assign(
-                _bias=read_only(-rate[:3]),
-                _turn_rate=rate[3:],
-                _drift=read_only(-acceleration[:3]),
-                _turn_acceleration=acceleration[3:],
-            )
-        self._assign(position=position, rotation=rotation)
+        if self._rests(rate, acceleration):
+            self._assign(position=position, rotation=rotation)
+            return
+        self._assign(
+            position=position,
+            rotation=rotation,
+            target_rate=rate,
+            target_acceleration=acceleration,
+            _bias=read_only(-rate[:3]),
+            _turn_rate=rate[3:],
+            _drift=read_only(-acceleration[:3]),
+            _turn_acceleration=acceleration[3:],
+        )
 
     @property
     def target(self) -> Array:

@@ -52,12 +52,17 @@ class PointTask(CoreTask):
 
     def _follow(self, target: Array, rate: Array, acceleration: Array) -> None:
         """Set a target that the package made itself, of read-only arrays: not checked or copied."""
-        if self._move(rate, acceleration):
-            rows = self._selected
-            self._assign(
-                _bias=self._negative(rate, rows), _drift=self._negative(acceleration, rows)
-            )
-        self._assign(_goal=target)
+        if self._rests(rate, acceleration):
+            self._assign(_goal=target)
+            return
+        rows = self._selected
+        self._assign(
+            _goal=target,
+            target_rate=rate,
+            target_acceleration=acceleration,
+            _bias=self._negative(rate, rows),
+            _drift=self._negative(acceleration, rows),
+        )
 
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the point and its target; where an axis is not controlled both agree."""

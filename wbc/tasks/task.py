@@ -346,7 +346,11 @@ class Task(DeclaredAttributes, ABC):
         acceleration: ArrayLike | None = None,
     ) -> bool:
         """Check and set how the target moves; None is rest. Return False if it rests as before."""
-        return self._move(*self._rates(shape, rate, acceleration))
+        speed, push = self._rates(shape, rate, acceleration)
+        if self._rests(speed, push):
+            return False
+        self._assign(target_rate=speed, target_acceleration=push)
+        return True
 
     def _rates(
         self, shape: tuple[int, ...], rate: ArrayLike | None, acceleration: ArrayLike | None
@@ -359,13 +363,10 @@ class Task(DeclaredAttributes, ABC):
             push = self._target(acceleration, shape, "target acceleration")
         return speed, push
 
-    def _move(self, speed: Array, push: Array) -> bool:
-        """Set how the target moves; return False if it rests as before."""
+    def _rests(self, speed: Array, push: Array) -> bool:
+        """Return whether a target that moves so rests as before."""
         own = self.__dict__
-        if own.get("target_rate") is speed and own.get("target_acceleration") is push:
-            return False
-        self._assign(target_rate=speed, target_acceleration=push)
-        return True
+        return own.get("target_rate") is speed and own.get("target_acceleration") is push
 
     def _negative(self, motion: Array, rows: Columns) -> Array:
         """Return minus those entries of a target's rate or acceleration; zeros known as rest."""

@@ -47,9 +47,9 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 /* Write frames, one behind the other, as in a state. Returns 0. */
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
-/* Write origin and rotation of a frame (12). Returns 0. */
-int wbc_frame_pose(const wbc_tree *tree, const double *state, const int64_t *joint, const double *placement,
-                   double *out);
+/* Write origins and rotations of frames (12 each). Returns 0. */
+int wbc_frame_poses(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
+                    const double *placement, double *out);
 /* Write the second derivative (nv, nv) of <G, I> by v, with G and I (about the CoM) as xx xy xz yy yz zz, world
  * axes. work holds 13 (nv + 3) numbers. Returns 0. */
 int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G, double *work,

@@ -371,8 +371,8 @@ int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const i
     return 0;
 }
 
-int wbc_frame_pose(const wbc_tree *tree, const double *state, const int64_t *joint, const double *placement,
-                   double *out) {
-    place_frame(tree, state, *joint, placement, 1, out);
+int wbc_frame_poses(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
+                    const double *placement, double *out) {
+    for (int64_t f = 0; f < count; f++) place_frame(tree, state, joint[f], placement + 12 * f, 1, out + 12 * f);
     return 0;
 }
