@@ -50,7 +50,7 @@ class GaitState(NamedTuple):
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
         """Return the state of a snapshot; ``frames`` are those of the soles by foot."""
-        lx, ly, _, kx, ky, _ = snapshot.momentum.tolist()
+        lx, ly, _, kx, ky, _ = snapshot.native_state.part("momentum", 6).tolist()
         x, y, _ = snapshot.com.tolist()
         velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
         places: dict[str, Place] = {}

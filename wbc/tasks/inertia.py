@@ -27,7 +27,7 @@ from wbc.robot.names import BASE, COM, WORLD
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_array, names_of, read_only, real_array
+from wbc.validate import Array, finite_array, names_of, plain_copy, read_only, real_array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -131,7 +131,11 @@ class InertiaTask(Task):
         acceleration: ArrayLike | None = None,
     ) -> None:
         """Set the wanted inertia [kg m^2] and, if it moves, rate and acceleration in that form."""
-        goal = vech_target(f"{self}, target", target, self.rows)
+        full = plain_copy(target, (3, 3))  # in every tick: no words unless they are needed
+        if full is not None and _is_symmetric(full):
+            goal = vech(full)
+        else:
+            goal = vech_target(f"{self}, target", target, self.rows)
         wanted = self._selection.dot(goal)
         for row, entry in zip(self.rows, wanted.tolist(), strict=True):
             if entry < 0.0 and row not in OFF_DIAGONAL:
