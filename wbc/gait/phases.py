@@ -37,7 +37,7 @@ class GaitState(NamedTuple):
     than the length of a sole.
 
     ``dcm``: with the velocity above, as x + i y [m].
-    ``places``, ``rotations``: of the soles, by foot, as numbers: x, y, z [m], and the rows of (3, 3).
+    ``places``, ``rotations``: of the soles by foot, as numbers: x, y, z [m], and rows of (3, 3).
     ``pressure_offset``: offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted
     back by it, so that a walk is planned as if the CoP were at their middles.
     """
