@@ -31,17 +31,30 @@ SIZES = (1e-9, 1e9)
 class Weights:
     """Cost of a plan: weights of squares, integrated over its time; SI units per mass.
 
-    ``force_rate``: on |f_r'|^2 / M^2 [(m/s^3)^2], in stance.
-    ``acceleration``: on |c''|^2 [(m/s^2)^2], in stance.
-    ``momentum``, ``torque``: on |k_G|^2 / M^2 and |k_G'|^2 / M^2.
-    ``cop_rate``: on |p'|^2 [(m/s)^2], in stance.
-    ``moment``: on m_z^2 / M^2, the moment of friction about the vertical.
-    ``radius_acceleration``: on |r''|^2 [(m/s^2)^2].
-    ``com``, ``radii``, ``rotation``: on the squared distance from the problem's ``nominal`` state,
-    where it has components; rotation in (4 tan(angle/4))^2 [rad^2].
-    ``time``: on the whole duration [1/s], not squared.
+    Parameters
+    ----------
+    force_rate:
+        On |f_r'|^2 / M^2 [(m/s^3)^2], in stance.
+    acceleration:
+        On |c''|^2 [(m/s^2)^2], in stance.
+    momentum, torque:
+        On |k_G|^2 / M^2 and |k_G'|^2 / M^2.
+    cop_rate:
+        On |p'|^2 [(m/s)^2], in stance.
+    moment:
+        On m_z^2 / M^2, the moment of friction about the vertical.
+    radius_acceleration:
+        On |r''|^2 [(m/s^2)^2].
+    com, radii, rotation:
+        On the squared distance from the problem's ``nominal`` state, where it has components;
+        rotation in (4 tan(angle/4))^2 [rad^2].
+    time:
+        On the whole duration [1/s], not squared.
 
-    Raises InvalidInputError: a weight that is negative or not a number.
+    Raises
+    ------
+    InvalidInputError
+        A weight that is negative or not a number.
     """
 
     force_rate: float = 1e-4

@@ -43,17 +43,26 @@ FARTHEST = 1e9
 class State:
     """Components of a state of the solid pendulum; None, for all or one of three, leaves it free.
 
-    ``com``, ``com_velocity``: c [m] and c' [m/s].
-    ``rotation``: orientation of the masses as a rotation vector [rad] from the problem's
-    ``reference``. Its length is the angle, below 2 pi. Give all three components, or zeros with
-    others free: (0, 0, None) is any rotation about z.
-    ``momentum``: angular momentum about the CoM, k_G [kg m^2/s], world axes.
-    ``radii``, ``radii_rates``: r [m] and r' [m/s].
-    ``inertia``: principal moments of inertia about the masses' axes [kg m^2], all three, in place
-    of radii.
+    Parameters
+    ----------
+    com, com_velocity:
+        c [m] and c' [m/s].
+    rotation:
+        Orientation of the masses as a rotation vector [rad] from the problem's ``reference``.
+        Its length is the angle, below 2 pi. Give all three components, or zeros with others free:
+        (0, 0, None) is any rotation about z.
+    momentum:
+        Angular momentum about the CoM, k_G [kg m^2/s], world axes.
+    radii, radii_rates:
+        r [m] and r' [m/s].
+    inertia:
+        Principal moments of inertia about the masses' axes [kg m^2], all three, in place of radii.
 
-    Raises InvalidInputError: not three numbers or None, not finite, an angle too large, radii that
-    are not positive, or moments of inertia that no body can have.
+    Raises
+    ------
+    InvalidInputError
+        Not three numbers or None, not finite, an angle too large, radii that are not positive, or
+        moments of inertia that no body can have.
     """
 
     com: Components | None = None
@@ -156,25 +165,36 @@ class PathLimits:
 
     Those on ground forces have no effect in flight.
 
-    ``friction``: largest |horizontal| / vertical ground force, > 0.
-    ``torsion``: largest |moment about the vertical| / vertical ground force [m], >= 0; a foot's
-    lever.
-    ``normal_force``: (least, greatest) vertical ground force in stance [N]. A least value above
-    zero maintains contact.
-    ``force``: greatest size of the ground force [N], > 0.
-    ``leg_length``: (least, greatest) distance from the CoP to the CoM [m], > 0. The leg can only
-    push.
-    ``torque``: greatest |k_G'| [N m], > 0: the torque between leg and masses, and so a bound for
-    every wheel motor, whatever the orientation of its axis.
-    ``momentum``: greatest size of each component of k_G [kg m^2/s], world axes, > 0.
-    ``radius``: (least, greatest) distance of masses from the CoM [m], > 0. Bounded by default, as
-    otherwise little may keep the masses from moving away by kilometres.
-    ``radius_rate``, ``radius_acceleration``: greatest size of r' [m/s] and r'' [m/s^2] of every
-    pair, > 0.
-    ``height``: (least, greatest) height of the CoM [m].
+    Parameters
+    ----------
+    friction:
+        Largest |horizontal| / vertical ground force, > 0.
+    torsion:
+        Largest |moment about the vertical| / vertical ground force [m], >= 0; a foot's lever.
+    normal_force:
+        (least, greatest) vertical ground force in stance [N]. A least value above zero maintains
+        contact.
+    force:
+        Greatest size of the ground force [N], > 0.
+    leg_length:
+        (least, greatest) distance from the CoP to the CoM [m], > 0. The leg can only push.
+    torque:
+        Greatest |k_G'| [N m], > 0: the torque between leg and masses, and so a bound for every
+        wheel motor, whatever the orientation of its axis.
+    momentum:
+        Greatest size of each component of k_G [kg m^2/s], world axes, > 0.
+    radius:
+        (least, greatest) distance of masses from the CoM [m], > 0. Bounded by default, as otherwise
+        little may keep the masses from moving away by kilometres.
+    radius_rate, radius_acceleration:
+        Greatest size of r' [m/s] and r'' [m/s^2] of every pair, > 0.
+    height:
+        (least, greatest) height of the CoM [m].
 
-    Raises InvalidInputError: invalid limits: NaN, not positive where they must be, or in the wrong
-    order.
+    Raises
+    ------
+    InvalidInputError
+        Invalid limits: NaN, not positive where they must be, or in the wrong order.
     """
 
     friction: float = FREE
