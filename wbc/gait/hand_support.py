@@ -38,7 +38,7 @@ from wbc.gait.hand_states import HandsFree, Leaning, LeanSettings, Reaching, Wit
 from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.walls import Hand, Wall, check_hands, check_reach, check_walls
-from wbc.kinds import check_kind
+from wbc.kinds import check_kind, whole_number
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Snapshot
@@ -120,7 +120,7 @@ class HandSupport:
         able = controller.torque_bounds, controller.limits
         self.arms = {hand: Arm.of(robot, hand.frame, *able) for hand in hands}
         self.state: HandsFree | Reaching | Leaning | Withdrawing = HandsFree()
-        self.time = 0.0
+        self.time, self._dt = 0.0, controller.dt
         self._notes: list[str] = []
         self._beyond_reach = set[int]()
         self._released: tuple[PointContact, ...] = ()  # and maybe still held while a ramp runs
@@ -196,15 +196,21 @@ class HandSupport:
             return -math.inf
         return float(polygon_margin(convex_hull(found[0]), found[1]))
 
-    def prepare(self, snapshot: Snapshot) -> None:
+    def prepare(self, snapshot: Snapshot, periods: int = 1) -> None:
         """Set goals and contacts for the tick of a measured state.
+
+        Parameters
+        ----------
+        periods:
+            Of the controller since the last call: more than one where frames were lost.
 
         Raises
         ------
         InvalidInputError
-            Not a snapshot, or one of another robot object.
+            Not a snapshot, or one of another robot object; no number of periods.
         """
         check_snapshot(self.controller.robot, snapshot)
+        self._dt = whole_number("hand support, periods", periods, least=1) * self.controller.dt
         before = self.state
         match before:
             case HandsFree():
@@ -216,7 +222,7 @@ class HandSupport:
                 self.state = self._update_leaning(snapshot, before)
             case Withdrawing():
                 self.state = self._update_withdrawing(snapshot, before)
-        self.time += self.controller.dt
+        self.time += self._dt
 
     # ------------------------------------------------------------------ from state to state
 
@@ -271,7 +277,7 @@ class HandSupport:
         return wall.touched(aim, hand.radius), shoulder
 
     def _update_reaching(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
-        hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
+        hand, wall, dt, own = now.hand, now.wall, self._dt, self.settings
         place = snapshot.position(hand.frame)
         gap = wall.gap(place, hand.radius)
         if gap <= own.touch:
@@ -304,7 +310,7 @@ class HandSupport:
         lost = wall.gap(place, hand.radius) > LOST_GAP
         recovered = self._margin_inside(snapshot) > own.end and now.time > MIN_LEAN_TIME
         if not lost and not recovered:
-            return now._replace(time=now.time + self.controller.dt)
+            return now._replace(time=now.time + self._dt)
         self._released += (now.contact,)
         self.controller.set_contacts(self._active_contacts(), ramp=own.ramp)
         reason = "lost the wall" if lost else "is released"
@@ -322,7 +328,7 @@ class HandSupport:
         if plan is not None:  # another hand's trunk may be another link
             self._release(now.hand)
             return self._start_reaching(plan)
-        dt = self.controller.dt
+        dt = self._dt
         if now.left <= dt:
             self._reach[now.hand].switch_off()
             if abs(float(snapshot.com_velocity @ now.wall.normal)) < SWAY_SPEED:

@@ -184,7 +184,7 @@ class WithHands:
     """
 
     def __init__(self, first: Supervisor, hands: HandSupport) -> None:
-        self.first, self.hands = first, hands
+        self.first, self.hands, self._tick = first, hands, BEFORE_START
         self.controller: Controller = hands.controller
 
     @property
@@ -208,11 +208,15 @@ class WithHands:
         return self.first.tasks
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
-        """Prepare a tick and return its controller; None to end."""
+        """Prepare a tick and return its controller; None to end.
+
+        Ticks that were skipped since the last call advance hands, too.
+        """
         found = self.first.update(tick, snapshot)
         if found is not None:
             self.hands.time = max(tick, 0) * self.hands.controller.dt
-            self.hands.prepare(snapshot)
+            self.hands.prepare(snapshot, max(tick - self._tick, 1))
+            self._tick = tick
         return found
 
     def move_to(self, time: float) -> None:
