@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wbc.constraints import Limits, Obstacles, support
+from wbc.constraints import Limits, Obstacles, PositionBox, TiltLimit, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import MARGIN_BRAKING, Bounds, reachable_rows
 from wbc.controllers import TorqueController
@@ -177,3 +177,27 @@ def test_torques_get_out_of_the_way_of_what_comes(hoap2: Robot) -> None:
         ball.advance(DT)
         nearest = min(nearest, float(around.model.nearest(here, 1).distance[0]))
     assert nearest > 0.02
+
+
+@pytest.mark.parametrize("what", ["height", "tilt"])
+def test_legs_bring_the_base_out_of_a_margin(hoap2: Robot, what: str) -> None:
+    """No joint moves its link, and all that was asked for was what joints' levers give: nothing."""
+    stands, step = hoap2.snapshot(hoap2.posture("standing")), np.zeros(hoap2.nv)
+    step[4] = 0.1 * (what == "tilt")
+    here, margin = hoap2.snapshot(hoap2.integrate(stands.q, step, 1.0)), stands.q[2] - 0.02
+    box, tilt = PositionBox.height(hoap2, -1.0, margin), TiltLimit(hoap2, "base", 0.05)
+    balance = ComTask(hoap2, stands.com, axes=["x", "y"], weight=10.0)
+    controller = TorqueController(
+        hoap2,
+        [balance, PostureTask(hoap2, here.q, weight=0.01)],
+        contacts=support(here, "double"),
+        limits=Limits(hoap2),
+        constraints=[box if what == "height" else tilt],
+        dt=DT,
+    )
+    for _ in range(750):
+        tick = controller.step(here)
+        assert tick.ok and not tick.relaxed, tick.report()
+        here = hoap2.snapshot(hoap2.integrate(here.q, tick.velocity, DT), tick.velocity)
+    left = controller.constraints[0].distances(here).clearance
+    assert left.min() > -5e-4

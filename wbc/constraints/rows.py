@@ -23,6 +23,8 @@ INTERIOR = 1e-4
 # Hardest braking before a margin [m/s^2], and of one joint on the way out of it [rad/s^2].
 MARGIN_BRAKING: float = lib.wbc_margin_braking
 MARGIN_LEAVING: float = lib.wbc_margin_leaving
+# Lever of the legs' joints [m], which alone move the base; larger ones of other joints count alone.
+LEGS = 0.1
 
 
 class Distances(NamedTuple):
@@ -166,7 +168,8 @@ def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
     lower, upper = np.minimum(bounds.lower, now + change), np.maximum(bounds.upper, now - change)
     if push is not None:
         rate, coming = push.matrix @ v, 0.0 if push.bias is None else -push.bias
-        leaving = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
+        base, joints = (np.linalg.norm(part, axis=1) for part in np.split(push.matrix, [6], axis=1))
+        leaving = MARGIN_LEAVING * dt * np.maximum(joints, LEGS * base)
         most = np.minimum(rate + change, np.maximum(rate, coming) + leaving)
         push = push._replace(target=np.maximum(np.minimum(push.target, most), rate - leaving))
     return bounds._replace(lower=lower, upper=upper, push=push)
