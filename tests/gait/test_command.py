@@ -98,9 +98,9 @@ def test_weak_knees_walk_on_straighter_legs(g1_27: Robot, robot_named: Load) -> 
 def test_slow_hips_turn_slowly(robot_named: Load) -> None:
     legs = Legs.of(robot_named("romeo"))
     limits = CommandLimits.of(legs, GaitSettings.of(legs))
-    admitted = limits.admit(0.0, 0.0, 0.5)
-    assert "speed at which hips turn" in admitted.reason
-    assert admitted.velocity.yaw_rate == pytest.approx(0.08, abs=0.01)  # 0.32 rad/s in the URDF
+    admitted = limits.admit(0.0, 0.0, -0.5)
+    assert "rad/s is beyond the speed at which hips turn" in admitted.reason
+    assert admitted.velocity.yaw_rate == pytest.approx(-0.08, abs=0.01)  # 0.32 rad/s in the URDF
 
 
 def test_a_walker_says_what_it_cannot_do(hoap2: Robot, caplog: pytest.LogCaptureFixture) -> None:
