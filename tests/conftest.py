@@ -85,6 +85,11 @@ def hoap2() -> Robot:
     return load("hoap2_like")
 
 
+@pytest.fixture
+def here(hoap2: Robot) -> Snapshot:
+    return hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+
+
 @pytest.fixture(scope="session")
 def g1() -> Robot:
     return load("g1")

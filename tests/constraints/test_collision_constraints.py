@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.standing import commanded, standing
+from tests.standing import commanded
 from wbc.constraints import (
     BrakingParameters,
     ComSupport,
@@ -31,11 +31,6 @@ from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
 HANDS = ("left_hand", "right_hand")
-
-
-@pytest.fixture
-def here(hoap2):
-    return standing(hoap2)
 
 
 @cache

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.standing import standing
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.robot import Robot, Snapshot
-
-
-@pytest.fixture
-def here(hoap2: Robot) -> Snapshot:
-    return standing(hoap2)
+from wbc.robot import Snapshot
 
 
 def made(level: str, parts: Mapping[str, Any], solver: str = "daqp") -> Controller:

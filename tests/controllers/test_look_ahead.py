@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.conftest import random_state
-from tests.standing import standing
 from wbc.constraints import Limits, SelfCollision
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
@@ -52,11 +51,6 @@ class Slow(Constraint):
             matrix[0, k] = 1.0
         bound = np.full(1, self.most)
         return Bounds((f"speed {k}",), matrix, -bound, bound)
-
-
-@pytest.fixture
-def here(hoap2):
-    return standing(hoap2)
 
 
 class OwnPosture(PostureTask):

@@ -18,11 +18,6 @@ from wbc.tasks import ComTask, PositionTask, PostureTask
 DT = 0.005
 
 
-@pytest.fixture(scope="module")
-def here(hoap2: Robot) -> Snapshot:
-    return hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
-
-
 def controller(robot: Robot, here: Snapshot, **settings) -> KinematicController:
     """A CoM task that pulls against what is held."""
     wanted = here.com + (0.02, 0.0, -0.02)

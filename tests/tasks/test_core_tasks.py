@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.standing import standing
 from wbc.constraints import Contact, Limits, PointContact, support
 from wbc.constraints.margin import Margin
 from wbc.constraints.rows import Distances
@@ -28,11 +27,6 @@ from wbc.tasks import (
 DT = 0.002
 FRAME = "left_hand"
 DAMPING = 1e-6
-
-
-@pytest.fixture
-def here(hoap2):
-    return standing(hoap2)
 
 
 def test_snapshot_of_another_robot_is_refused(hoap2, g1) -> None:
