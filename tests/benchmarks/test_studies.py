@@ -49,17 +49,13 @@ def test_an_episode_begins_outside_all_margins_and_keeps_them(hoap2: Robot) -> N
 
 
 @pytest.mark.slow
-def test_rows_for_few_pairs_keep_all_pairs_of_a_fast_robot() -> None:
-    """Hundreds were broken, by decimetres, when only the 25 nearest had rows."""
-    row = thrown.thrown("g1", "nothing", 25, 150, 0).split()
-    broken, worst = int(row[6]), float(row[7])
-    assert broken <= 5 and worst < 0.5
+@pytest.mark.parametrize(("robot", "ticks", "seed"), [("g1", 150, 0), ("hoap2_like", 120, 1)])
+def test_rows_for_few_pairs_keep_all_pairs_of_a_fast_robot(robot, ticks, seed) -> None:
+    """Hundreds were broken, by decimetres, when only the 25 nearest had rows.
 
-
-@pytest.mark.slow
-def test_bodies_on_short_levers_outweigh_tasks() -> None:
-    """Where a hand moves 3 cm by a radian, a task pushed it 15 mm into others."""
-    row = thrown.thrown("hoap2_like", "nothing", 25, 120, 1).split()
+    Where a hand moves 3 cm by a radian, as hoap2_like's, a task pushed it 15 mm into others.
+    """
+    row = thrown.thrown(robot, "nothing", 25, ticks, seed).split()
     broken, worst = int(row[6]), float(row[7])
     assert broken <= 5 and worst < 0.5
 

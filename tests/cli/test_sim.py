@@ -82,11 +82,6 @@ def test_a_fall_is_exit_code_three(file: Path) -> None:
     assert "of the ticks: " in done.stdout
 
 
-def test_quiet_says_nothing(file: Path) -> None:
-    done = wbc_command("sim", file, "--quiet", "--set", "simulation.duration=0.15")
-    assert (done.exit_code, done.output) == (0, "")
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

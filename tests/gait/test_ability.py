@@ -1,7 +1,6 @@
 """What legs lack for walking is said before; what tasks give each other, and legs measured."""
 
 import logging
-from collections.abc import Callable
 from dataclasses import astuple, replace
 from typing import cast
 
@@ -221,9 +220,6 @@ def test_straight_legs_that_lean_aside_can_roll_their_soles(hoap2: Robot) -> Non
     robot = Robot.load(text, base="floating")
     posture = robot.snapshot(robot.posture("standing"))
     assert rolls(posture, "left") and rolls(posture, "right")
-
-
-Load = Callable[[str], Robot]
 
 
 def led_on_the_left_foot(start: Snapshot, asked: Array) -> tuple[TorqueTick, Array]:

@@ -10,7 +10,6 @@ from wbc.robot import Robot
 
 RATE = 200.0
 TIME = np.arange(600) / RATE
-SQUAT = {"*_hip_pitch": -0.4, "*_knee_pitch": 0.8, "*_ankle_pitch": -0.4}
 
 
 def moved(robot: Robot, parts: dict[str, np.ndarray]) -> np.ndarray:

@@ -13,7 +13,6 @@ from tests.needs import needs_compiler
 from wbc.native import ffi, lib, sources
 
 build_backend = pytest.importorskip("build_backend", reason="needs setuptools")
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

@@ -145,17 +145,6 @@ OUTCOME = PushOutcome(0.5, 1.1, 12.3456789012345678, True, "stood", 4.0, 0.1, 1e
 MADE_OF = {"text": "robot: g1", "ratios": (1.0, 2.0)}
 
 
-def test_a_log_gives_back_what_it_was_given(tmp_path: Path) -> None:
-    with CampaignLog(tmp_path / "log", MADE_OF) as log:
-        assert not log.known
-        log.record("one", OUTCOME)
-        log.record("two", OUTCOME._replace(ratio=0.1 + 0.2))
-    with CampaignLog(tmp_path / "log", MADE_OF) as log:
-        assert log.known == {"one": [OUTCOME], "two": [OUTCOME._replace(ratio=0.1 + 0.2)]}
-        log.remove()
-    assert not (tmp_path / "log").exists()
-
-
 def test_half_a_line_is_cut_off(tmp_path: Path) -> None:
     path = tmp_path / "log"
     with CampaignLog(path, MADE_OF) as log:
