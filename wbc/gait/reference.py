@@ -211,15 +211,41 @@ class StepPlanner:
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase ``dt`` later, and the swing foot's reference."""
+        most = CATCH_ACCELERATION * self.limits.swing
+        if phase.swing.late and not phase.given:
+            phase = phase._replace(goal=self._late_goal(phase, now, heading, most, dt))
         goal = self.landing_pose(phase, now, heading, velocity)
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
             step = phase.goal - now.place(phase.support)
             ground = now.places[phase.support][2] - (x * step.real + y * step.imag) / z
-        most = CATCH_ACCELERATION * self.limits.swing
         swing = phase.swing.advance(goal, ground, phase.left, dt, most)
         return phase._replace(swing=swing), swing.pose()
+
+    def _late_goal(
+        self, phase: SingleSupport, now: GaitState, heading: float, most: float, dt: float
+    ) -> complex:
+        """Return where a foot lands that finds lower ground, ``dt`` later, as x + i y [m].
+
+        It goes on to where the DCM, which diverges meanwhile, can leave as planned; its speed rises
+        by ``most`` [m/s^2]. Where it only went down, at 1.2 m/s a G1 fell at drops of 2 cm.
+        """
+        base, to_world = now.place(phase.support), cmath.rect(1.0, heading)
+        omega, double = self.gait.omega, self.gait.double
+        leaves = math.exp(omega * double) * (now.dcm - base) - phase.offset
+        local = leaves / (shift_gain(omega, double) * to_world)
+        lower, upper = self._range_of_steps(phase.support)
+        x = min(max(local.real, lower[0]), upper[0])
+        y = min(max(local.imag, lower[1]), upper[1])
+        way = base + complex(x, y) * to_world - phase.goal
+        return phase.goal + way * min(1.0, most * phase.swing.late * dt / max(abs(way), 1e-9))
+
+    def _range_of_steps(self, support: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the least and largest x, y [m] of a recovery step from a foot, in its axes."""
+        ahead, near, far = self.limits.catch, self.gait.least_width, self.limits.catch_aside
+        least, widest = (near, far) if support == "right" else (-far, -near)
+        return (-ahead, least), (ahead, widest)
 
     def double_time(self, phase: SingleSupport, now: GaitState) -> float:
         """Return the duration of the double support after a touch-down now [s].
@@ -292,9 +318,7 @@ class StepPlanner:
         nominal = StepPlan(
             local(to_next), max(single - phase.elapsed, freeze), local(offset), (0.0, 0.0)
         )
-        ahead, near, far = self.limits.catch, gait.least_width, self.limits.catch_aside
-        least, widest = (near, far) if support == "right" else (-far, -near)
-        lower, upper = (-ahead, least), (ahead, widest)
+        lower, upper = self._range_of_steps(support)
         foot, most = phase.swing, CATCH_ACCELERATION * self.limits.swing
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
         min_time = max(freeze, min_ratio * single - phase.elapsed)
