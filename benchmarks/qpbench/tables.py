@@ -14,7 +14,8 @@ from qpbench.summary import LIMIT, SHIFT
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;
 color:#222}table{border-collapse:collapse;margin:1em 0}th,td{padding:.3em .7em;text-align:right;
 border-bottom:1px solid #ddd}th:first-child,td:first-child{text-align:left}img{max-width:100%}
-th{border-bottom:2px solid #888}caption{text-align:left;font-weight:bold}"""
+th{border-bottom:2px solid #888}caption{text-align:left;font-weight:bold}p{overflow-wrap:anywhere}
+.wide{overflow-x:auto}td:first-child{white-space:nowrap}"""
 
 
 class Table(NamedTuple):
@@ -38,7 +39,8 @@ class Table(NamedTuple):
             for row in self.rows
         )
         return (
-            f"<table><caption>{html.escape(self.title)}</caption>\n<tr>{head}</tr>\n{rows}</table>"
+            f'<div class="wide"><table><caption>{html.escape(self.title)}</caption>\n'
+            f"<tr>{head}</tr>\n{rows}</table></div>"
         )
 
 
@@ -119,6 +121,7 @@ def html_page(
     body = "\n".join(one.html() for one in _all(summary, changes))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>QP solvers</title>'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{STYLE}</style></head>\n<body><h1>QP solvers</h1>\n{told}{image}{body}"
         "</body></html>\n"
     )

@@ -7,6 +7,7 @@ import pytest
 from qpbench.sequence import load_sequence
 from typer.testing import CliRunner, Result
 
+from tests.needs import BROWSER, SOFTWARE, needs_browser
 from wbc.cli import app
 
 SMALL = ("--job", "arm", "--ticks", 5, "--repeats", 3,
@@ -51,6 +52,23 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     assert compared.exit_code == 3, compared.output
     lines = {line.split()[0]: line for line in compared.stdout.splitlines() if "1e-08 " in line}
     assert lines["active_set"].endswith("slower") and lines["proxqp"].endswith("faster")
+
+
+@pytest.mark.slow
+@needs_browser
+def test_its_page_is_read_on_a_telephone(tmp_path: Path) -> None:
+    """Tables scroll; it was laid out for a screen and shown at a quarter of its size."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    page = tmp_path / "b.html"
+    assert run("--job", "arm", "--ticks", 2, "--repeats", 1, "-o", page).exit_code == 0
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=BROWSER, args=list(SOFTWARE))
+        size = {"width": 420, "height": 800}
+        tab = browser.new_context(offline=True, viewport=size, is_mobile=True).new_page()
+        tab.goto(page.as_uri())
+        widths = tab.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        browser.close()
+    assert widths == [420, 420]
 
 
 def test_a_page_with_a_place_for_it_keeps_the_rest(tmp_path: Path) -> None:
