@@ -42,13 +42,14 @@ def test_a_quadruped_stands_on_all_feet_with_its_com_over_them(tmp_path: Path, q
 
 
 def test_feet_that_are_points_count_for_pushes_and_balance(tmp_path: Path, quadruped) -> None:
-    """By hand: d of M omega d ahead is as far as the front feet are from the CoM."""
+    """By hand: d of M omega d is as far as the line between the front feet is ahead of the CoM."""
     parts = load(tmp_path, quadruped, "all", "all").parts
     feet, start = held_feet(parts.contacts), parts.at_start
     assert sorted(feet) == ["front_left", "front_right", "hind_left", "hind_right"]
     soles = np.array([start.position(parts.robot.feet[foot].frame) for foot in feet])
     height = start.com[2] - soles[:, 2].mean()
-    d = soles[:, 0].max() - start.com[0]
+    front = soles[[feet.index(f"front_{side}") for side in ("right", "left")]]
+    d = np.interp(start.com[1], front[:, 1], front[:, 0]) - start.com[0]
     caught = parts.robot.mass * np.sqrt(parts.robot.gravity / height) * d
     assert capture_impulse(start, feet, (1.0, 0.0)) == pytest.approx(caught, rel=1e-6)
 

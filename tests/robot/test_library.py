@@ -367,6 +367,10 @@ def test_quadrupeds_stand_on_points(name: str) -> None:
     soles = [foot.frame for foot in robot.feet.values()]
     held = support(robot.snapshot(robot.posture()), soles)
     assert all(isinstance(contact, PointContact) for contact in held)
+    here = robot.snapshot(robot.posture("standing"))
+    middle = np.mean([here.position(sole) for sole in soles], axis=0)
+    assert np.abs(here.com - middle)[:2].max() < 0.05  # it was 0.19 behind them
+    assert here.rotation("base")[:, 2].max() > 0.999
 
 
 @pytest.mark.parametrize("name", ARMS)

@@ -28,12 +28,21 @@ from wbc.robot.limits import JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
 from wbc.robot.notes import noted
-from wbc.robot.postures import STANDING, is_standing, put_on_ground, settle_on_ground
+from wbc.robot.postures import (
+    STANDING,
+    com_from_middle,
+    is_standing,
+    put_on_ground,
+    settle_on_ground,
+)
 from wbc.robot.sole import lowest_point
 from wbc.validate import Array, by_name
 
 # m: a shape this much lower than the soles touches the ground first.
 BELOW_SOLES = 5e-3
+# rad or m: nearer than this to an end of its range a joint is at it.
+AT_END = 0.01
+OFF_MIDDLE = 0.02  # m: farther from the feet's middle the CoM is set above it
 LOW_JOINTS = 0.3  # of the CoM's height: shapes of lower joints are checked
 
 
@@ -119,7 +128,11 @@ def find_stance(
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
-        q, unsettled = settle_on_ground(closure, q, soles)
+        # Knees whose ranges do not have 0 put feet ahead of the hips, or behind them.
+        ends = _at_ends(closure.limits, q)
+        bent = len(soles) > 2 and ends[_bearing(model, closure.limits, soles)].any()
+        bent = bent and np.linalg.norm(com_from_middle(model, q, soles)) > OFF_MIDDLE
+        q, unsettled = settle_on_ground(closure, q, soles, np.zeros(2) if bent else None)
         notes += unsettled
     q = put_on_ground(model, q, soles)
     if found.known is None:
@@ -163,10 +176,22 @@ def stance_from_postures(
     return pose._replace(notes=(note, *pose.notes))
 
 
+def _at_ends(limits: JointLimits, q: Array) -> Array:
+    """Return which joints' ranges do not have 0, and begin or end where ``q`` has them (bool)."""
+    ends = np.clip(0.0, limits.lower, limits.upper)
+    return (ends != 0.0) & (np.abs(q[list(limits.starts)] - ends) < AT_END)
+
+
+def _bearing(model: pin.Model, limits: JointLimits, feet: Mapping[str, Foot]) -> list[int]:
+    """Return the places in ``limits`` of the legs' joints."""
+    soles = [model.frames[model.getFrameId(foot.frame)].parentJoint for foot in feet.values()]
+    legs = {str(model.names[joint]) for sole in soles for joint in model.supports[sole]}
+    return [k for k, name in enumerate(limits.names) if name in legs]
+
+
 def _notes_at_ends(limits: JointLimits, q: Array) -> tuple[str, ...]:
     """Return notes of joints whose ranges do not have 0, and begin or end where ``q`` has them."""
-    ends = np.clip(0.0, limits.lower, limits.upper)
-    held = (ends != 0.0) & (q[list(limits.starts)] == ends)
+    held = _at_ends(limits, q)
     told = "'standing' has {} at an end of their ranges; bend them: posture('standing', joints=...)"
     return noted(told, [name for name, one in zip(limits.names, held, strict=True) if one])
 
