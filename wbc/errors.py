@@ -63,8 +63,10 @@ class UnknownNameError(WbcError):
         super().__init__(f"unknown {kind} {given}{tail}")
 
 
-# Names of Pink and mink, in lower case, and those of this package.
+# Names of Pink and mink, in lower case, and those of this package; a task has axes or components.
 _ELSEWHERE = {
+    "axes": "components",
+    "components": "axes",
     "configuration": "Snapshot",
     "cost": "weight",
     "dq": "velocity",

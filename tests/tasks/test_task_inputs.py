@@ -93,6 +93,11 @@ def test_misspelt_keywords_are_refused(hoap2: Robot) -> None:
         PositionTask(hoap2, "left_sole", [0, 0, 0], axis=["x"])
     with pytest.raises(UnknownNameError, match="'position_cost'; did you mean 'weight'"):
         ComTask(hoap2, np.ones(3), position_cost=1.0)
+    # Points have axes, other quantities components: 'axes' was taken for 'name'.
+    with pytest.raises(UnknownNameError, match="'axes'; did you mean 'components'"):
+        MomentumTask(hoap2, axes=["kx"])
+    with pytest.raises(UnknownNameError, match="'components'; did you mean 'axes'"):
+        ComTask(hoap2, np.ones(3), components=["x"])
 
 
 def test_assigning_is_setting_with_its_checks(hoap2: Robot) -> None:
