@@ -498,7 +498,7 @@ def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path, where: s
     assert "left out, as MuJoCo knows them no more: <flag sensornoise>" in robot.notes
 
 
-BALL = (
+JOINED_BALL = (
     '<body name="rod" pos=".1 0 .2"><joint name="end" type="ball" pos="0 0 .1" damping=".3"'
     ' armature=".01" range="0 1" limited="true"/>' + INERTIAL.format(1) + "</body>"
 )
@@ -510,7 +510,7 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
     quaternion /= np.linalg.norm(quaternion)
     turned = " ".join(f"{part:.17g}" for part in quaternion)
     keys = f'<keyframe><key name="bent" qpos=".1 .2 .9 1 0 0 0 {turned}"/></keyframe>'
-    content = text(BALL, tail=keys)
+    content = text(JOINED_BALL, tail=keys)
     robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
     assert robot.joint_names == ("end:x", "end:y", "end:z")
     assert any("ball joints are three hinges each" in note for note in robot.notes)
@@ -535,7 +535,7 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
 
 def test_the_hinges_of_a_ball_have_its_spring_and_damper_alone() -> None:
     """Made by ``springdamper``; what a class gives hinges, such as ``ref``, is none of a ball's."""
-    ball = BALL.replace('damping=".3"', 'springdamper=".2 .5"')
+    ball = JOINED_BALL.replace('damping=".3"', 'springdamper=".2 .5"')
     given = '<joint ref="20" springref="30" actuatorfrcrange="-3 3" damping="9"/>'
     content = text(ball).replace("<worldbody>", f"<default>{given}</default><worldbody>", 1)
     robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
@@ -555,14 +555,16 @@ def test_motors_about_an_axis_of_a_ball_are_those_of_its_hinge() -> None:
         '"end" gear="0 1 1"/><motor name="yaw" jointinparent="end" gear="0 0 1" ctrlrange="-1 1"/>'
         "</actuator>"
     )
-    robot = Robot.load(text(BALL, tail=tail))
+    robot = Robot.load(text(JOINED_BALL, tail=tail))
     np.testing.assert_array_equal(robot.limits.effort, [6.0, np.inf, 1.0])
     assert any("hinge about that axis: roll, yaw" in note for note in robot.notes)
     assert any("several axes of a ball joint are not read: skew" in note for note in robot.notes)
 
 
 def test_motors_that_turn_a_whole_ball_are_left_out_with_a_note() -> None:
-    content = text(BALL, tail='<actuator><orientation name="o" joint="end" kp="5"/></actuator>')
+    content = text(
+        JOINED_BALL, tail='<actuator><orientation name="o" joint="end" kp="5"/></actuator>'
+    )
     try:
         mujoco.MjModel.from_xml_string(content)
     except ValueError:
