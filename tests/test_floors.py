@@ -1,6 +1,7 @@
-"""Imports go down the floors only: nothing upstream reads downstream."""
+"""Imports go down the floors only: nothing upstream reads downstream; names are given once."""
 
 import ast
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -156,3 +157,22 @@ def test_no_two_files_import_each_other_in_a_circle() -> None:
 
     circles = sorted(name for name in graph if name in reached(name))
     assert not circles
+
+
+def test_no_name_of_a_file_is_given_twice() -> None:
+    """Python keeps the later one, in silence: what was made before reads that, too."""
+    twice = []
+    for path in (*FILES, *Path(__file__).parent.rglob("*.py")):
+        names = Counter[str]()
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                names[node.name] += 1
+            elif isinstance(node, ast.Assign):
+                named = (part for target in node.targets for part in ast.walk(target))
+                names.update(
+                    part.id
+                    for part in named
+                    if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+                )
+        twice += [f"{path}: {name}" for name, count in names.items() if count > 1]
+    assert not twice

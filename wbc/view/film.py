@@ -1,4 +1,4 @@
-"""A run as a film, drawn without a screen; the same run gives the same file."""
+"""A run or a pendulum's motion as a film, without a screen; the same run gives the same file."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ class Film:
         return portrait_of(snapshot, placed, pose, "", self._view)
 
 
-EDGE = 0.05  # of the picture, free on every side
+AROUND = 0.05  # of the picture, free on every side of a pendulum
 HEAD = 0.12  # of its height, for the title
 
 
@@ -282,5 +282,5 @@ class PendulumFilm:
         com = history.com @ self._side  # minus and plus reach above are along x, y and z
         low = np.minimum(np.nanmin(seen, axis=0), (com.min() - reach, 0.0))
         high = np.maximum(np.nanmax(seen, axis=0), (com.max() + reach, 0.0))
-        margin = EDGE * (high - low).max()
+        margin = AROUND * (high - low).max()
         return low - margin, high + margin
