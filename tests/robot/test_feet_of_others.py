@@ -321,6 +321,17 @@ def test_four_legs_that_end_in_balls_are_four_points(names: tuple[str, ...]) -> 
     assert all(foot.polygon.shape == (1, 2) for foot in robot.feet.values())
 
 
+def test_legs_that_cannot_bring_the_com_to_the_middle_stand_and_are_not_said_to_fall() -> None:
+    """On knees alone, which cannot stretch, feet are 0.1 m behind the CoM and bear it."""
+    parts = [link("trunk", box("0 0 0", ".5 .2 .1"), 5)]
+    for corner, x, y in CORNERS:
+        knee = joint(f"{corner}_knee", "trunk", f"{corner}_foot", "0 1 0", f"{0.2 * x} {0.1 * y} 0")
+        parts += [link(f"{corner}_foot", BALL), knee.replace('lower="-1.5"', 'lower=".5"')]
+    robot = Robot.load(urdf.robot("four", *parts))
+    assert is_standing(robot.model, robot.posture(), robot.feet)
+    assert not any("does not stand" in note for note in robot.notes)
+
+
 @pytest.mark.parametrize(
     ("joints", "where"),
     [

@@ -133,6 +133,8 @@ def find_stance(
         bent = len(soles) > 2 and ends[_bearing(model, closure.limits, soles)].any()
         bent = bent and np.linalg.norm(com_from_middle(model, q, soles)) > OFF_MIDDLE
         q, unsettled = settle_on_ground(closure, q, soles, np.zeros(2) if bent else None)
+        if bent and unsettled:  # knees alone do not move it there
+            q, unsettled = settle_on_ground(closure, q, soles)
         notes += unsettled
     q = put_on_ground(model, q, soles)
     if found.known is None:
