@@ -14,8 +14,10 @@ from pathlib import Path
 import pytest
 
 from wbc.errors import InvalidInputError
+from wbc.run.saving import save_result
 from wbc.simulation import PushGrid, PushOutcome, run_campaign
 from wbc.simulation.campaign import CampaignLog, Trial
+from wbc.simulation.push_map import saved_outcomes
 from wbc.workers import WorkerDiedError
 
 RATIOS = (0.8, 1.0, 1.2, 1.4, 1.6)
@@ -174,6 +176,21 @@ def test_the_log_of_another_campaign_is_refused_by_what_differs(tmp_path: Path) 
     path.write_text(before + json.dumps({"problem": "one", "angle": 1.0}) + "\n")
     with pytest.raises(InvalidInputError, match="not what a campaign left"):
         CampaignLog(path, MADE_OF)
+
+
+@pytest.mark.parametrize("ending", ["json", "NPZ"])
+def test_outcomes_of_an_output_are_read_and_none_of_a_damaged_one(tmp_path, ending: str) -> None:
+    """Else a push of the angle None was compared with those of the grid: a traceback."""
+    path, blown_up = tmp_path / f"r.{ending}", OUTCOME._replace(ratio=2.0, tilt=math.inf)
+    told = {"maps": [{"problem": "one", "outcomes": [OUTCOME._asdict(), blown_up._asdict()]}]}
+    save_result(path, told | MADE_OF, dict, list)
+    first, other = saved_outcomes(path, MADE_OF)["one"]
+    assert first == OUTCOME and other.ratio == 2.0 and math.isnan(other.tilt)
+    told["maps"][0]["outcomes"][0]["angle"] = "ahead"
+    save_result(path, told | MADE_OF, dict, list)
+    assert not saved_outcomes(path, MADE_OF)
+    path.with_suffix(".json").write_text(200_000 * "[")
+    assert not saved_outcomes(path.with_suffix(".json"), MADE_OF)
 
 
 CAMPAIGN = """

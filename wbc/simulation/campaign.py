@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -258,6 +258,19 @@ def _run_in_processes(
                 yield answer.value
 
 
+def outcome_of(told: Mapping[str, Any]) -> PushOutcome:
+    """Return the outcome of a JSON file. Raises TypeError: other names, or values of other kinds.
+
+    Null is a number that is not finite: of physics that blew up.
+    """
+    found = PushOutcome(**{name: math.nan if v is None else v for name, v in told.items()})
+    for name, kind in get_type_hints(PushOutcome).items():
+        value = getattr(found, name)
+        if not isinstance(value, float | int if kind is float else kind):
+            raise TypeError(f"{name}: {value!r}")
+    return found
+
+
 class CampaignLog(Journal):
     """A file of a campaign: its description, then an outcome in each line; a context manager.
 
@@ -271,8 +284,8 @@ class CampaignLog(Journal):
         self.known: dict[str, list[PushOutcome]] = {}
         try:
             for entry in self.entries:
-                outcome = {name: value for name, value in entry.items() if name != "problem"}
-                self.known.setdefault(entry["problem"], []).append(PushOutcome(**outcome))
+                told = {name: value for name, value in entry.items() if name != "problem"}
+                self.known.setdefault(entry["problem"], []).append(outcome_of(told))
         except (TypeError, KeyError) as error:
             self._file.close()
             raise wrong_file_error(path, error) from error

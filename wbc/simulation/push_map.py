@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError
 from wbc.files import read_arrays
 from wbc.run.saving import save_result
-from wbc.simulation.campaign import PushGrid, PushOutcome, key
+from wbc.simulation.campaign import PushGrid, PushOutcome, key, outcome_of
 from wbc.simulation.push_bounds import PushBounds
 from wbc.validate import Array
 
@@ -243,7 +243,7 @@ def saved_outcomes(path: Path, made_with: Mapping[str, Any]) -> Mapping[str, Seq
     None of a file that was not made of the same inputs, or cannot be read.
     """
     try:
-        if path.suffix == ".npz":
+        if path.suffix.lower() == ".npz":
             arrays = read_arrays(path, {"summary"}.intersection, lambda _: "U", LARGEST)
             told = json.loads(str(arrays["summary"]))
         else:
@@ -251,10 +251,10 @@ def saved_outcomes(path: Path, made_with: Mapping[str, Any]) -> Mapping[str, Seq
         if {name: told[name] for name in made_with} != json.loads(json.dumps(made_with)):
             return {}
         return {
-            one["problem"]: [PushOutcome(**outcome) for outcome in one["outcomes"]]
+            str(one["problem"]): [outcome_of(outcome) for outcome in one["outcomes"]]
             for one in told["maps"]
         }
-    except (OSError, ValueError, KeyError, TypeError, InvalidInputError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, InvalidInputError):
         return {}
 
 
