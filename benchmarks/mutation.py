@@ -44,12 +44,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "Gt -> GtE",
     ): "weights of 0 are left out behind",
     (
-        "wbc/qp/conflict.py",
-        "way *= np.copysign(1.0, way.sum())",
-        "1.0 -> 2.001",
-    ): "a direction, of any length",
-    ("wbc/qp/conflict.py", "way *= np.copysign(1.0, way.sum())", "Mult -> Div"): "by 1 or -1",
-    (
         "wbc/controllers/braking.py",
         'lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)',
         "Add -> Sub",
@@ -76,11 +70,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "numbers that the core writes",
     ("wbc/qp/core.py", "found = np.empty(3 + qp.g.size)", "3 -> 4"): "room for one number more",
     (
-        "wbc/controllers/core_memory.py",
-        "self._usual, self._outside = np.zeros(0, dtype=np.int64), False",
-        "0 -> 1",
-    ): "a 0 that is written over a 0",
-    (
         "wbc/tasks/core_task.py",
         "_LAW = np.zeros(lib.WEIGHTS)  # the numbers of a law, which rows do not depend on",
         "zeros -> ones",
@@ -90,16 +79,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         '"scratch": np.empty(moving * (tree.frame_size + 6)),',
         "6 -> 7",
     ): "room for some numbers more",
-    (
-        "wbc/controllers/blocks.py",
-        "k, none = len(chosen), np.zeros(len(task.rows))",
-        "zeros -> ones",
-    ): "numbers that each tick writes",
-    (
-        "wbc/controllers/effort_bounds.py",
-        "if len(self._able) == MOST:",
-        "Eq -> NotEq",
-    ): "what is kept is worked out anew, to the same",
     (
         "wbc/controllers/outcome.py",
         "if excess.item(worst) <= TOLERANCE:  # NaN is not",
@@ -146,22 +125,17 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "Is -> IsNot",
     ): "the checks behind find the same, slower",
     (
-        "wbc/qp/qpsolvers_backend.py",
-        "self._matrix = np.array if name in qpsolvers.dense_solvers else csc_matrix",
-        "In -> NotIn",
-    ): "qpsolvers converts matrices",
-    (
         "wbc/constraints/rows.py",
         "demanded = float(np.abs(b).max(initial=0.0))",
         "0.0 -> 0.001",
     ): "contacts at rest get an interior that is larger by 0.1 mm/s",
     (
-        "wbc/qp/conflict.py",
+        "wbc/qp/least_infeasible.py",
         "found = np.flatnonzero(np.abs(missed) > _MET * (1.0 + largest(x)))",
         "Gt -> GtE",
     ): "at the one number where it differs nothing depends on it",
     (
-        "wbc/qp/conflict.py",
+        "wbc/qp/least_infeasible.py",
         "u=qp.u + np.where(above > 0.0, above + margin, 0.0),",
         "Gt -> GtE",
     ): "at the one number where it differs nothing depends on it",

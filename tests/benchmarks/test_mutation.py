@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from benchmarks.mutation import report
+from benchmarks.mutation import EQUIVALENT, report
 from benchmarks.mutation_places import Places, faults, files
 from benchmarks.mutation_trials import Trials, chosen_tests, forked
 
@@ -48,6 +48,7 @@ def test_faults_of_this_package_are_in_its_files() -> None:
         "tasks", "constraints", "controllers", "qp", "robot",
     }  # fmt: skip
     assert len({fault.key for fault in every}) == len(every) > 4000
+    assert set(EQUIVALENT) <= {(fault.file, fault.text, fault.what) for fault in every}
     assert not any(path.name.startswith("native_") for path in files())
 
 
