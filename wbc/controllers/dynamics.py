@@ -4,7 +4,7 @@ One step of the floating-base dynamics, D the joints' damping,
 
     M (v+ - v)/dt + bias + D v+ = [0; tau] + J' f
 
-makes the base forces and torques an affine expression of x.
+makes the base forces and torques an affine expression of x; dry friction is compensated besides.
 """
 
 from __future__ import annotations

@@ -23,7 +23,8 @@ cross, nothing jumps: c' is a continuous function of A, unlike singular vectors.
 - Between tasks that contradict each other outright the weights still decide.
 
 The wanted rate is filtered rather than the motion damped: directions in which a task has no effect
-are free for other tasks, such as a posture that leads away from the singularity.
+are free for other tasks, such as a posture that leads away from the singularity. How well all tasks
+together determine the motion is :class:`Conditioning`.
 """
 
 from __future__ import annotations

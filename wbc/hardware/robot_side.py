@@ -1,4 +1,4 @@
-"""A simulated robot behind a bus: physics, motors at 1 kHz, messages, its own watchdog."""
+"""A simulated robot behind a bus: physics, motors at 1 kHz, messages, its watchdog, its gantry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Identification of a recording's markers by name, and of its vertical axis."""
+"""Identification of a recording's human, of its markers by name, and of its vertical axis."""
 
 from __future__ import annotations
 

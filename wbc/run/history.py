@@ -1,4 +1,4 @@
-"""The history of a run, tick by tick, and its recorder."""
+"""The history of a run, tick by tick, with that of its obstacles, and its recorder."""
 
 from __future__ import annotations
 

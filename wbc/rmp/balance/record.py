@@ -1,4 +1,4 @@
-"""The record of a pendulum's motion under a law, and how near to its bounds it came."""
+"""The record of a pendulum's motion under a law, its step in time, and how near bounds it came."""
 
 from __future__ import annotations
 
