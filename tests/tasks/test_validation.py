@@ -279,6 +279,7 @@ WRONG_BOUNDS = {
     ("slack", "negative"): lambda _: np.array([1.0, -1.0, 1.0]),
     ("push", "list"): lambda _: [1.0],
     ("push", "columns missing"): lambda _: Rows(np.eye(3), np.ones(3), np.ones(3)),
+    ("push", "bias too short"): lambda _: Rows(np.eye(3, 31), *np.ones((2, 3)), bias=np.ones(2)),
 }
 
 

@@ -143,9 +143,10 @@ def _ends(what: str, given: Any, m: int) -> Array:
 
 def _push(what: str, push: Rows, nv: int) -> Rows:
     """Return the rows of a dominating cost, (p, nv), target and weight (p,)."""
-    p = len(np.atleast_1d(push.target))
+    p, bias = len(np.atleast_1d(push.target)), push.bias
     return push._replace(
         matrix=returned_array(f"{what}, push, matrix", push.matrix, (p, nv)),
         target=returned_array(f"{what}, push, target", push.target, (p,)),
         weight=returned_array(f"{what}, push, weight", push.weight, (p,)),
+        bias=None if bias is None else returned_array(f"{what}, push, bias", bias, (p,)),
     )
