@@ -116,7 +116,7 @@ def test_a_copied_or_pickled_law_commands_the_same() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", (PlanarRmp, SolidRmp, EulerSolidRmp))
-def test_compiled_functions_agree(kind: type[PlanarRmp], tmp_path: Path) -> None:
+def test_exported_functions_agree_compiled(kind: type[PlanarRmp], tmp_path: Path) -> None:
     """Without contraction to fused operations, they are those of CasADi's own machine."""
     model = kind(20.0)
     source = export_c(model, tmp_path)
@@ -138,13 +138,13 @@ def test_compiled_functions_agree(kind: type[PlanarRmp], tmp_path: Path) -> None
             np.testing.assert_allclose(theirs.full(), expected, atol=1e-12 * abs(expected).max())
 
 
-def test_some_functions_only(tmp_path: Path) -> None:
+def test_an_export_may_have_some_functions_only(tmp_path: Path) -> None:
     text = export_c(PlanarRmp(20.0), tmp_path, ["energies"]).read_text()
     assert "int energies(const" in text
     assert "int bias(const" not in text
 
 
-def test_mistakes(tmp_path: Path) -> None:
+def test_exports_of_no_function_or_folder_are_refused(tmp_path: Path) -> None:
     model = PlanarRmp(20.0)
     with pytest.raises(UnknownNameError, match="did you mean 'energies'"):
         export_c(model, tmp_path, ["energy"])
@@ -152,7 +152,7 @@ def test_mistakes(tmp_path: Path) -> None:
         export_c(model, tmp_path / "missing")
 
 
-def test_command_line(tmp_path: Path) -> None:
+def test_the_command_line_exports_a_pendulum(tmp_path: Path) -> None:
     folder = tmp_path / "made for it"
     arguments = ["codegen", "planar", "--mass", "20", "-o", str(folder), "--function", "bias"]
     done = wbc_command(*arguments)

@@ -176,7 +176,7 @@ def volume(surface: Triangles) -> float:
     return float(np.abs(np.linalg.det(corners)).sum() / 6.0)
 
 
-def test_they_are_the_boxes() -> None:
+def test_surfaces_of_boards_are_their_boxes() -> None:
     first, second = board_surfaces(TERRAIN)
     corners = local(first.vertices)
     assert len(corners) == 8
@@ -187,7 +187,7 @@ def test_they_are_the_boxes() -> None:
     np.testing.assert_allclose(second.vertices.max(axis=0), [9.3, 1.0, 0.02], atol=1e-12)
 
 
-def test_only_what_is_near_is_made() -> None:
+def test_only_the_near_part_of_a_board_is_made() -> None:
     around = STEP.centre + (0.3 * np.cos(0.3), 0.3 * np.sin(0.3), 0.0)  # 0.3 m along the step's x
     (near,) = board_surfaces(TERRAIN, around, 0.25)
     corners = local(near.vertices)
@@ -196,7 +196,7 @@ def test_only_what_is_near_is_made() -> None:
     assert board_surfaces(TERRAIN, np.array((-5.0, 0.0)), 0.5) == []
 
 
-def test_what_of_a_wall_is_near_is_made() -> None:
+def test_only_the_near_part_of_a_wall_is_made() -> None:
     wall = Wall(point=(2.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), size=(3.0, 2.0))
     (whole,) = board_surfaces(Terrain(walls=(wall,)))
     size = np.ptp(whole.vertices, axis=0)
@@ -209,7 +209,7 @@ def test_what_of_a_wall_is_near_is_made() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", [0.01, 0.03, 0.1])
-def test_no_corner_moves_farther_than_a_cell(cell: float) -> None:
+def test_a_simplified_mesh_has_no_corner_moved_farther_than_a_cell(cell: float) -> None:
     made = simplified(MESH, cell)
     assert len(made.faces) < len(MESH.faces)
     apart = np.linalg.norm(made.vertices[:, None] - MESH.vertices[None], axis=-1).min(axis=1)
@@ -220,12 +220,12 @@ def test_no_corner_moves_farther_than_a_cell(cell: float) -> None:
     assert (made.name, made.colour) == (MESH.name, MESH.colour)
 
 
-def test_what_would_vanish_stays() -> None:
+def test_a_mesh_that_would_vanish_in_a_cell_stays() -> None:
     inside = Mesh("ball", MESH.vertices + 5.0, MESH.faces, MESH.colour)  # of one cell
     assert simplified(inside, 10.0) is inside
 
 
-def test_the_finest_grid_that_will_do() -> None:
+def test_many_triangles_are_limited_by_the_finest_grid_that_will_do() -> None:
     assert limit_triangles([MESH], len(MESH.faces))[0] is MESH
     few = limit_triangles([MESH, MESH], 3000)
     count = sum(len(mesh.faces) for mesh in few)

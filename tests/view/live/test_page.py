@@ -230,7 +230,7 @@ def test_foreign_pages_are_refused(stage: Stage, origin: str) -> None:
     assert refused.value.response.status_code == 403
 
 
-def test_the_page_itself_and_programs_are_not(stage: Stage) -> None:
+def test_the_page_itself_and_programs_are_not_refused(stage: Stage) -> None:
     for origin in (stage.url, None):
         with client_of(stage.url, origin) as client:
             assert client.recv(timeout=20.0)
@@ -250,7 +250,9 @@ def test_the_page_itself_and_programs_are_not(stage: Stage) -> None:
         ("0.0.0.0", "robot.lab:8080", "http://evil.example", True),
     ],
 )
-def test_who_may(host: str, address: str, origin: str | None, refused: bool) -> None:
+def test_who_is_refused_follows_from_host_and_origin(
+    host: str, address: str, origin: str | None, refused: bool
+) -> None:
     headers = Headers({"Host": address})
     if origin is not None:
         headers["Origin"] = origin
