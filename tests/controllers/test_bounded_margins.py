@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.constraints import Limits, Obstacles, PositionBox, TiltLimit, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import MARGIN_BRAKING, Bounds, reachable_rows
@@ -201,3 +202,16 @@ def test_legs_bring_the_base_out_of_a_margin(hoap2: Robot, what: str) -> None:
         here = hoap2.snapshot(hoap2.integrate(here.q, tick.velocity, DT), tick.velocity)
     left = controller.constraints[0].distances(here).clearance
     assert left.min() > -5e-4
+
+
+def test_a_bolted_arm_leaves_a_margin_as_its_joints_do() -> None:
+    """It has no legs: with their lever, a point 20 mm from its joint was to leave at 25 rad/s^2."""
+    parts = [urdf.link(name, mass=0.1, moment=1e-4) for name in ("world", "upper", "tip")]
+    tip = urdf.joint("k", "upper", "tip", kind="fixed", at="0.02 0 0")
+    text = urdf.robot("arm", *parts, urdf.joint("j", "world", "upper", limit=urdf.limit(2)), tip)
+    arm = Robot.load(text, base="fixed")
+    here = arm.snapshot(arm.posture())
+    inside = PositionBox.height(arm, here.position("tip")[2] + 0.01, frame="tip")
+    at_rest = PostureTask(arm, here.q)
+    tick = TorqueController(arm, [at_rest], constraints=[inside], dt=DT).step(here)
+    assert 2.0 < -tick.velocity[6] / DT < 5.0

@@ -153,14 +153,14 @@ def relax_for_contacts(bounds: Bounds, held: Rows) -> Bounds:
     return bounds._replace(lower=np.where(bounds.lower > 0.0, bounds.lower, relaxed))
 
 
-def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
+def reachable_rows(bounds: Bounds, v: Array, dt: float, legs: float = LEGS) -> Bounds:
     """Return rows of margins relaxed to what is reachable from the velocity (nv,) now.
 
     At the velocity level a body inside a margin stops approaching in one tick. Motors cannot do
     that: such rows would contradict the torque bounds, and the tick would relax contacts instead.
     So at the torque level a fast approach is braked as hard as possible, not at once. Upper ends,
     which users' rows have, likewise. A violation is left slowly; the rate at which something comes
-    (the push's ``-bias``) is to be had at once.
+    (the push's ``-bias``) is to be had at once. ``legs``: 0 for a base that nothing moves.
     """
     if not bounds.lower.size:
         return bounds
@@ -169,7 +169,7 @@ def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
     if push is not None:
         rate, coming = push.matrix @ v, 0.0 if push.bias is None else -push.bias
         base, joints = (np.linalg.norm(part, axis=1) for part in np.split(push.matrix, [6], axis=1))
-        leaving = MARGIN_LEAVING * dt * np.maximum(joints, LEGS * base)
+        leaving = MARGIN_LEAVING * dt * np.maximum(joints, legs * base)
         most = np.minimum(rate + change, np.maximum(rate, coming) + leaving)
         push = push._replace(target=np.maximum(np.minimum(push.target, most), rate - leaving))
     return bounds._replace(lower=lower, upper=upper, push=push)

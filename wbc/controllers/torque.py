@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds, Constraint, reachable_rows
+from wbc.constraints.rows import LEGS, Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import TaskEvaluation
 from wbc.controllers.checks import FIXED, MAKE_ANOTHER, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
@@ -404,8 +404,9 @@ class TorqueController(Controller):
     def _solve_with_margins(
         self, snapshot: Snapshot, margins: MarginRows, start_time: float
     ) -> tuple[Outcome, list[Bounds]]:
-        within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
-        margins = margins._replace(parts=within_reach)
+        legs = 0.0 if self.robot.fixed_base else LEGS
+        parts = [reachable_rows(part, snapshot.v, self.dt, legs) for part in margins.parts]
+        margins = margins._replace(parts=parts)
         # Scaling a step down does not make it safer at this level.
         solve = self._solve_function(snapshot, start_time)
         over = partial(self._deadline_over, start_time)
