@@ -263,7 +263,8 @@ def outcome_of(told: Mapping[str, Any]) -> PushOutcome:
 
     Null is a number that is not finite: of physics that blew up.
     """
-    found = PushOutcome(**{name: math.nan if v is None else v for name, v in told.items()})
+    values: dict[str, Any] = {name: math.nan if v is None else v for name, v in told.items()}
+    found = PushOutcome(**values)
     for name, kind in get_type_hints(PushOutcome).items():
         value = getattr(found, name)
         if not isinstance(value, float | int if kind is float else kind):
