@@ -189,8 +189,10 @@ def test_outcomes_of_an_output_are_read_and_none_of_a_damaged_one(tmp_path, endi
     told["maps"][0]["outcomes"][0]["angle"] = "ahead"
     save_result(path, told | MADE_OF, dict, list)
     assert not saved_outcomes(path, MADE_OF)
-    path.with_suffix(".json").write_text(200_000 * "[")
-    assert not saved_outcomes(path.with_suffix(".json"), MADE_OF)
+    none = {"maps": [{"problem": "one", "outcomes": [None]}]}
+    for damaged in (200_000 * "[", json.dumps(MADE_OF | none)):
+        path.with_suffix(".json").write_text(damaged)
+        assert not saved_outcomes(path.with_suffix(".json"), MADE_OF)
 
 
 CAMPAIGN = """

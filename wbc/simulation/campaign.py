@@ -263,7 +263,7 @@ def outcome_of(told: Mapping[str, Any]) -> PushOutcome:
 
     Null is a number that is not finite: of physics that blew up.
     """
-    values: dict[str, Any] = {name: math.nan if v is None else v for name, v in told.items()}
+    values: dict[str, Any] = {name: math.nan if v is None else v for name, v in dict(told).items()}
     found = PushOutcome(**values)
     for name, kind in get_type_hints(PushOutcome).items():
         value = getattr(found, name)
