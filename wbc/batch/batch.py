@@ -37,16 +37,27 @@ def run_batch(
 ) -> list[Row]:
     """Run what of a campaign is not in the journal, and return all rows by number.
 
-    ``workers``: processes here, started fresh (``spawn``): a script needs the usual ``if __name__
-    == "__main__"`` guard.
-    ``cluster``: address of a Dask scheduler whose workers run it instead; they must have the same
-    versions of everything, and the problems under the same paths.
-    ``journal``: keeps every row as it comes.
-    ``on_death``: told in words of each worker that died, and of the run that is tried again.
-    ``cancelled``: asked between runs; True ends the campaign with the rows there are.
+    Parameters
+    ----------
+    workers:
+        Processes here, started fresh (``spawn``): a script needs the usual ``if __name__ ==
+        "__main__"`` guard.
+    cluster:
+        Address of a Dask scheduler whose workers run it instead; they must have the same versions
+        of everything, and the problems under the same paths.
+    journal:
+        Keeps every row as it comes.
+    on_death:
+        Told in words of each worker that died, and of the run that is tried again.
+    cancelled:
+        Asked between runs; True ends the campaign with the rows there are.
 
-    Raises InvalidInputError: less than one worker; WbcError: the cluster cannot be reached, or is
-    of other versions.
+    Raises
+    ------
+    InvalidInputError
+        Less than one worker.
+    WbcError
+        The cluster cannot be reached, or is of other versions.
     """
     workers = whole_number("campaign, workers", workers, least=1)
     rows = {row["run"]: row for row in (journal.entries if journal else ())}

@@ -133,7 +133,10 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], made_of: Mapping[s
     booleans, integers or numbers is that, of text is text, and of anything else, integers of more
     than 64 bits too, is JSON text.
 
-    Raises OSError: the file cannot be written.
+    Raises
+    ------
+    OSError
+        The file cannot be written.
     """
     import pyarrow
     from pyarrow import parquet
@@ -147,7 +150,12 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], made_of: Mapping[s
 def read_rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Return the rows of a file, and what they were made of.
 
-    Raises InvalidInputError: not a file of ours; OSError: it cannot be read.
+    Raises
+    ------
+    InvalidInputError
+        Not a file of ours.
+    OSError
+        It cannot be read.
     """
     import pyarrow
     from pyarrow import parquet

@@ -42,15 +42,28 @@ def export_problem(
 ) -> Export:
     """Write the controller of a problem file as C, with an example that ticks against Python.
 
-    ``folder``: is made if need be; files of an earlier export are replaced.
-    ``overrides``: values by key path that replace the file's.
-    ``ticks``: recorded of the problem's run, at most: it may end before.
-    ``robot``: the problem's robot on its bus: estimator and safety layer are written, too, into
-    ``hardware``.
+    Parameters
+    ----------
+    folder:
+        Is made if need be; files of an earlier export are replaced.
+    overrides:
+        Values by key path that replace the file's.
+    ticks:
+        Recorded of the problem's run, at most: it may end before.
+    robot:
+        The problem's robot on its bus: estimator and safety layer are written, too, into
+        ``hardware``.
 
-    Raises CodegenError: the problem is made of something that the native core does not know, named;
-    ProblemFileError: the file is wrong; InvalidInputError: the problem's robot is not the one on
-    the bus, or ``wbc hardware run`` would refuse it; OSError: a file cannot be written.
+    Raises
+    ------
+    CodegenError
+        The problem is made of something that the native core does not know, named.
+    ProblemFileError
+        The file is wrong.
+    InvalidInputError
+        The problem's robot is not the one on the bus, or ``wbc hardware run`` would refuse it.
+    OSError
+        A file cannot be written.
     """
     overrides = overrides or {}
     problem = _load(path, overrides)

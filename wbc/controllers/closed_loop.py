@@ -26,13 +26,20 @@ ROUNDING = 1e-9
 class LoopTick(NamedTuple):
     """One tick of a closed loop.
 
-    ``time``: when it began [s].
-    ``snapshot``: the state then.
-    ``tick``: what the controller answered.
-    ``q``: (nq,) configuration at the end of the tick.
-    ``seconds``, ``cpu_seconds``: from measurement to command, by the clock and of this thread's
-    CPU.
-    ``gave_up``: whether the controller ended the loop by its policy ``raise``.
+    Attributes
+    ----------
+    time:
+        When it began [s].
+    snapshot:
+        The state then.
+    tick:
+        What the controller answered.
+    q:
+        (nq,) configuration at the end of the tick.
+    seconds, cpu_seconds:
+        From measurement to command, by the clock and of this thread's CPU.
+    gave_up:
+        Whether the controller ended the loop by its policy ``raise``.
     """
 
     time: float

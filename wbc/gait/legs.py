@@ -73,13 +73,19 @@ class Legs:
     ) -> Legs:
         """Return the legs of a robot with the feet ``left`` and ``right``.
 
-        ``limits``: of the joints, besides the robot's own: speeds, how far hips turn, and
-        accelerations that were given.
-        ``torque_limits``: factor on the robot's effort limits, as the controller has it; None: no
-        bounds.
+        Parameters
+        ----------
+        limits:
+            Of the joints, besides the robot's own: speeds, how far hips turn, and accelerations
+            that were given.
+        torque_limits:
+            Factor on the robot's effort limits, as the controller has it; None: no bounds.
 
-        Raises InvalidInputError: another number of feet, a base that is fixed, a leg without a
-        knee, or a left foot that stands to the right of the right one.
+        Raises
+        ------
+        InvalidInputError
+            Another number of feet, a base that is fixed, a leg without a knee, or a left foot that
+            stands to the right of the right one.
         """
         check_biped(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
@@ -109,7 +115,10 @@ class Legs:
     def reach(self, com_height: float) -> float:
         """Return how far the ankle can be from below the hip [m], with the CoM at this height.
 
-        Raises InvalidInputError: the legs do not reach the ground.
+        Raises
+        ------
+        InvalidInputError
+            The legs do not reach the ground.
         """
         hip_height = self.hip_height + com_height - self.com_height
         max_length = STRETCH * self.length

@@ -100,8 +100,12 @@ def _typed_lines() -> Iterable[str]:
 class Script:
     """Arms, stands up, runs for some time, sits down and ends, unattended: for simulators.
 
-    ``seconds``: how long the controller runs [s].
-    ``settle``: how long it brakes before standing up, and before quitting [s].
+    Parameters
+    ----------
+    seconds:
+        How long the controller runs [s].
+    settle:
+        How long it brakes before standing up, and before quitting [s].
     """
 
     def __init__(self, seconds: float, settle: float = 0.5) -> None:

@@ -38,7 +38,10 @@ class CrouchPath:
     def of(cls, start: Snapshot, feet: str | Sequence[str] = "double") -> CrouchPath:
         """Return the path down from a standing posture, found by a velocity controller.
 
-        Raises InvalidInputError: the robot cannot crouch so far on its feet.
+        Raises
+        ------
+        InvalidInputError
+            The robot cannot crouch so far on its feet.
         """
         robot = start.robot
         contacts = support(start, feet)
@@ -100,11 +103,17 @@ def bearing_forces(rest: Snapshot, frames: Sequence[str]) -> tuple[Array, Array]
 class PostureMotion:
     """Moves joints from where they are onto a crouch path, and along it to one of its ends.
 
-    ``path``: the postures.
-    ``up``: whether to the standing posture; else to the crouch.
-    ``kp``, ``kd``: gains (n,).
-    ``onto``, ``along``: durations of the two parts [s]: to the first posture of the path, and along
-    it. Standing up begins with the crouch, going down with the nearest posture.
+    Parameters
+    ----------
+    path:
+        The postures.
+    up:
+        Whether to the standing posture; else to the crouch.
+    kp, kd:
+        Gains (n,).
+    onto, along:
+        Durations of the two parts [s]: to the first posture of the path, and along it. Standing up
+        begins with the crouch, going down with the nearest posture.
     """
 
     def __init__(

@@ -73,12 +73,20 @@ class RobotEvent(NamedTuple):
 class RobotReport:
     """The report of a simulated robot.
 
-    ``events``: beginnings and ends of braking, and reasons.
-    ``commands``, ``damaged``: numbers of commands taken, and dropped.
-    ``steps``, ``late``: numbers of physics steps, and of those made up for later.
-    ``latest``: largest lateness of a step [s].
-    ``tilt``: largest [rad].
-    ``path``: time [s], position of the base and height of the CoM (k, 5), ten a second.
+    Attributes
+    ----------
+    events:
+        Beginnings and ends of braking, and reasons.
+    commands, damaged:
+        Numbers of commands taken, and dropped.
+    steps, late:
+        Numbers of physics steps, and of those made up for later.
+    latest:
+        Largest lateness of a step [s].
+    tilt:
+        Largest [rad].
+    path:
+        Time [s], position of the base and height of the CoM (k, 5), ten a second.
     """
 
     events: list[RobotEvent] = field(default_factory=list)

@@ -62,8 +62,14 @@ class Where(NamedTuple):
     def open(self, profile: Profile, robot: Robot) -> Bus:
         """Return the controller's end.
 
-        Raises UnknownNameError: no such bus; BusError: it cannot be opened; MissingPackageError:
-        DDS without cyclonedds.
+        Raises
+        ------
+        UnknownNameError
+            No such bus.
+        BusError
+            It cannot be opened.
+        MissingPackageError
+            DDS without cyclonedds.
         """
         if self.bus == "udp":
             own, to = READING_PORT + 2 * self.domain, COMMAND_PORT + 2 * self.domain

@@ -32,11 +32,18 @@ MAX_BYTES = 1 << 30  # of a text file, and of all arrays of an NPZ file unpacked
 class RecordingError(InvalidInputError):
     """A recording is unusable; the message says what is wrong, where, and what to do.
 
-    ``what``: what is wrong, and what to do.
-    ``file``: the file, as it was named.
-    ``column``: the column's name in the file, if one is to blame.
-    ``row``: the row of numbers, counted from 1, likewise.
-    ``line``: that row's line in a text file, or the line to blame.
+    Parameters
+    ----------
+    what:
+        What is wrong, and what to do.
+    file:
+        The file, as it was named.
+    column:
+        The column's name in the file, if one is to blame.
+    row:
+        The row of numbers, counted from 1, likewise.
+    line:
+        That row's line in a text file, or the line to blame.
     """
 
     def __init__(

@@ -101,7 +101,10 @@ class Campaign:
 def load_campaign(path: str | Path) -> Campaign:
     """Read a campaign file and its problems, and check every run.
 
-    Raises ProblemFileError: with every mistake that was found: file, line and key path.
+    Raises
+    ------
+    ProblemFileError
+        With every mistake that was found: file, line and key path.
     """
     if not isinstance(path, str | Path) or str(path) == "-":
         raise InvalidInputError(f"load_campaign: expected the path of a file, got {str(path)!r}")

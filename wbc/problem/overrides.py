@@ -24,7 +24,10 @@ _NAMED = (("tasks", "task", 1), ("phases", "phase", 1), ("tasks", "task", 3))
 def parse_override(text: str) -> tuple[str, Any]:
     """Return key path and value of ``PATH=VALUE``; the value is a YAML scalar, list or mapping.
 
-    Raises ProblemFileError: not of that form.
+    Raises
+    ------
+    ProblemFileError
+        Not of that form.
     """
     parts = _ASSIGNMENT.fullmatch(text)
     if parts is None or not parts[1].strip() or not parts[2].strip():

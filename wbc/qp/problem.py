@@ -23,9 +23,14 @@ ROUNDING = 1e-9  # of P's largest eigenvalue: the most that a sum of squares has
 class Labels:
     """Names of the rows and variables of a QP, made once per contact set and reused every tick.
 
-    ``equality``: one name per row of A.
-    ``inequality``: one name per row of C.
-    ``variables``: one name per unknown; a bound is named after its variable.
+    Parameters
+    ----------
+    equality:
+        One name per row of A.
+    inequality:
+        One name per row of C.
+    variables:
+        One name per unknown; a bound is named after its variable.
     """
 
     equality: tuple[str, ...]
@@ -123,9 +128,12 @@ def _array(
 def check_qp(qp: QP) -> None:
     """Raise unless the QP is well formed. Costs 6-9 us at n = 35.
 
-    Raises InvalidInputError: there is no unknown; a field has another shape than the rest, holds
-    NaN (or infinity, where that is no bound), or a lower bound lies above its upper bound; the
-    message names the field or the row.
+    Raises
+    ------
+    InvalidInputError
+        There is no unknown; a field has another shape than the rest, holds NaN (or infinity, where
+        that is no bound), or a lower bound lies above its upper bound; the message names the field
+        or the row.
     """
     mi = qp.u.size
     if (

@@ -79,15 +79,24 @@ class ProxQP:
     solved again (``workspace=None``) always go there first. Between calls only that count and the
     warm start are kept. ``Solution.solver`` names the solver that succeeded.
 
-    ``eps``: accuracy: a solution is accepted when every KKT residual is below eps (1 + the largest
-    term it is made of).
-    ``max_iterations``: cap on ProxQP's outer iterations, per cold attempt. Ticks take 2-10; of 2870
-    cold solves none needed more than 30. A higher cap only prolongs infeasible ticks.
-    ``warm``: False: every solve is cold, as a stateless solver would be.
-    ``always``: whether ticks call ProxQP even where the optimum of the cost alone keeps all bounds
-    and rows, and no solver is needed: for comparisons of solvers.
+    Parameters
+    ----------
+    eps:
+        Accuracy: a solution is accepted when every KKT residual is below eps (1 + the largest term
+        it is made of).
+    max_iterations:
+        Cap on ProxQP's outer iterations, per cold attempt. Ticks take 2-10; of 2870 cold solves
+        none needed more than 30. A higher cap only prolongs infeasible ticks.
+    warm:
+        False: every solve is cold, as a stateless solver would be.
+    always:
+        Whether ticks call ProxQP even where the optimum of the cost alone keeps all bounds and
+        rows, and no solver is needed: for comparisons of solvers.
 
-    Raises InvalidInputError: eps or max_iterations out of range.
+    Raises
+    ------
+    InvalidInputError
+        eps or max_iterations out of range.
     """
 
     def __init__(
@@ -107,12 +116,19 @@ class ProxQP:
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; 70-80 us at n = 35 on a smooth tick.
 
-        ``workspace``: names the contact set. QPs of the same name and sizes share a warm start, so
-        two contact sets of equal size need two names. None: a QP that will not be solved again; the
-        active-set method is called first, which takes a third of a cold solve's time.
-        ``quick``: give up after step (2): in bounded time, for callers with another fallback.
+        Parameters
+        ----------
+        workspace:
+            Names the contact set. QPs of the same name and sizes share a warm start, so two contact
+            sets of equal size need two names. None: a QP that will not be solved again; the
+            active-set method is called first, which takes a third of a cold solve's time.
+        quick:
+            Give up after step (2): in bounded time, for callers with another fallback.
 
-        Raises InvalidInputError: see :func:`wbc.qp.problem.check_qp`.
+        Raises
+        ------
+        InvalidInputError
+            See :func:`wbc.qp.problem.check_qp`.
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=False)
         key = workspace, qp.g.size, qp.b.size, qp.u.size
@@ -145,8 +161,10 @@ class ProxQP:
         by the active-set method. Without a warm start that is called first, too: an infeasible QP
         takes ProxQP up to 20 ms cold, and the active-set method 0.1.
 
-        ``bounded``: whether infeasible QPs are relaxed by the caller: attempts take fewer
-        iterations then.
+        Parameters
+        ----------
+        bounded:
+            Whether infeasible QPs are relaxed by the caller: attempts take fewer iterations then.
         """
         warm, cold, active_set_cap = WARM_ITERATIONS, self.max_iterations, ACTIVE_SET_CAP
         if bounded:

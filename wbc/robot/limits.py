@@ -19,16 +19,23 @@ BASE_NQ, BASE_NV = 7, 6  # coordinates and velocities of the free-flyer, always 
 class JointLimits:
     """Limits of the actuated joints, in velocity order: entry k belongs to ``v[6 + k]``.
 
-    ``names``: joint names (nv-6).
-    ``lower``, ``upper``: position limits (nv-6,) [rad or m]; infinite for a continuous joint or if
-    missing.
-    ``velocity``: largest speed (nv-6,) [rad/s or m/s]; infinite if missing (0 in a file means
-    missing).
-    ``effort``: largest torque or force (nv-6,) [N m or N]; infinite if missing, likewise.
-    ``missing``: every limit that a joint lacks, such as ``"left_knee: velocity"``. A continuous
-    joint lacks no position limit.
-    ``starts``: index in q of each joint's first coordinate (nv-6).
-    ``unbounded``: entries of the continuous joints, which q stores as (cos, sin).
+    Attributes
+    ----------
+    names:
+        Joint names (nv-6).
+    lower, upper:
+        Position limits (nv-6,) [rad or m]; infinite for a continuous joint or if missing.
+    velocity:
+        Largest speed (nv-6,) [rad/s or m/s]; infinite if missing (0 in a file means missing).
+    effort:
+        Largest torque or force (nv-6,) [N m or N]; infinite if missing, likewise.
+    missing:
+        Every limit that a joint lacks, such as ``"left_knee: velocity"``. A continuous joint
+        lacks no position limit.
+    starts:
+        Index in q of each joint's first coordinate (nv-6).
+    unbounded:
+        Entries of the continuous joints, which q stores as (cos, sin).
     """
 
     names: tuple[str, ...]
@@ -115,7 +122,10 @@ class JointLimits:
     def set_joint(self, q: Array, name: str, value: float) -> None:
         """Write the value of one joint [rad or m] into ``q`` (nq,).
 
-        Raises InvalidInputError: not finite, or outside the joint's limits by more than rounding.
+        Raises
+        ------
+        InvalidInputError
+            Not finite, or outside the joint's limits by more than rounding.
         """
         value = finite_number(f"joint {name!r}", value)
         k = self.names.index(name)

@@ -92,22 +92,38 @@ class Phase:
 class PhaseExecutor:
     """Executes the phases of a run; :meth:`update` is for :func:`wbc.run.closed_loop`.
 
-    ``phases``: in order; the first begins at 0.
-    ``tasks``: all tasks; names must differ.
-    ``active``: names of those in use at the start.
-    ``make_controller``: called when the first phase begins.
-    ``change_controller``: called when another one begins: warm starts and forces are kept from
-    phase to phase.
-    ``start``: the state at the start.
-    ``move_world``: called before each tick with the time [s], for instance to move obstacles.
-    ``ground``, ``flat``: of touch-downs: see :func:`wbc.run.phase_support.off_the_ground`.
-    ``loads``: on the feet, for phases that end at touch-down; without it they last their duration.
-    The last phase is longer by the time that they end early.
+    Parameters
+    ----------
+    phases:
+        In order; the first begins at 0.
+    tasks:
+        All tasks; names must differ.
+    active:
+        Names of those in use at the start.
+    make_controller:
+        Called when the first phase begins.
+    change_controller:
+        Called when another one begins: warm starts and forces are kept from phase to phase.
+    start:
+        The state at the start.
+    move_world:
+        Called before each tick with the time [s], for instance to move obstacles.
+    ground, flat:
+        Of touch-downs: see :func:`wbc.run.phase_support.off_the_ground`.
+    loads:
+        On the feet, for phases that end at touch-down; without it they last their duration. The
+        last phase is longer by the time that they end early.
 
-    ``controller``: the same in all phases.
-    ``standing``: contacts and margins now.
-    ``complaint``: why a phase could not begin, which ended the run; else None.
-    ``notes``: None.
+    Attributes
+    ----------
+    controller:
+        The same in all phases.
+    standing:
+        Contacts and margins now.
+    complaint:
+        Why a phase could not begin, which ended the run; else None.
+    notes:
+        None.
     """
 
     def __init__(

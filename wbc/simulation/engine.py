@@ -21,9 +21,14 @@ _STATES = {
 class SimulationError(WbcError):
     """The physics cannot go on, or cannot be set up.
 
-    ``what``: what is wrong, and what to do.
-    ``time``: simulated time [s]; None if nothing was simulated.
-    ``joint``: the joint, or ``base``, that is the cause, if one is.
+    Parameters
+    ----------
+    what:
+        What is wrong, and what to do.
+    time:
+        Simulated time [s]; None if nothing was simulated.
+    joint:
+        The joint, or ``base``, that is the cause, if one is.
     """
 
     def __init__(self, what: str, time: float | None = None, joint: str | None = None) -> None:

@@ -86,7 +86,10 @@ def beyond_feet(robot: Robot) -> frozenset[str]:
 class FallWatch:
     """Watches a plant for falls; made when the robot stands.
 
-    Raises UnknownNameError: no such trunk, or no such foot.
+    Raises
+    ------
+    UnknownNameError
+        No such trunk, or no such foot.
     """
 
     def __init__(self, plant: Plant, limits: FallLimits) -> None:

@@ -123,11 +123,17 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
     angular momentum; d is the distance from the CoM's projection to the edge of the soles in the
     direction of the push, omega^2 = g / z with z the CoM's height over the soles.
 
-    ``feet``: in contact.
-    ``direction``: (2,) or (3,), projected onto x and y; of any length.
+    Parameters
+    ----------
+    feet:
+        In contact.
+    direction:
+        (2,) or (3,), projected onto x and y; of any length.
 
-    Raises InvalidInputError: no direction along the ground, no feet, or a CoM that is not above the
-    soles.
+    Raises
+    ------
+    InvalidInputError
+        No direction along the ground, no feet, or a CoM that is not above the soles.
     """
     given = real_array("push, direction", direction)
     horizontal = finite_array("push, direction", given, (3 if given.size == 3 else 2,))[:2]

@@ -62,18 +62,31 @@ class SimulationStatus(StrEnum):
 class SimulationResult:
     """The result of a simulation.
 
-    ``run``: of the controller: tasks, contacts, margins, ticks.
-    ``verdict``: whether the robot stood, until when, and why it fell.
-    ``arrays``: rows from the first state to the last, see :meth:`save`.
-    ``pushes``, ``wrenches``: all pushes and longer wrenches.
-    ``relaxed``: share of relaxed ticks, in [0, 1].
-    ``gave_way``: the same by the name of what was relaxed, the most frequent first.
-    ``lost``: number of control periods without a measurement.
-    ``saturated``: share of the control periods in which a joint was at its torque bound, by joint,
-    where it is above 0.
-    ``torque_use``: largest ratio of torque to bound, by joint that has one.
-    ``terrain``: the ground.
-    ``tracking``: tracking errors of a plan, if there was one.
+    Attributes
+    ----------
+    run:
+        Of the controller: tasks, contacts, margins, ticks.
+    verdict:
+        Whether the robot stood, until when, and why it fell.
+    arrays:
+        Rows from the first state to the last, see :meth:`save`.
+    pushes, wrenches:
+        All pushes and longer wrenches.
+    relaxed:
+        Share of relaxed ticks, in [0, 1].
+    gave_way:
+        The same by the name of what was relaxed, the most frequent first.
+    lost:
+        Number of control periods without a measurement.
+    saturated:
+        Share of the control periods in which a joint was at its torque bound, by joint, where it is
+        above 0.
+    torque_use:
+        Largest ratio of torque to bound, by joint that has one.
+    terrain:
+        The ground.
+    tracking:
+        Tracking errors of a plan, if there was one.
     """
 
     run: Result
@@ -225,14 +238,22 @@ class SimulationResult:
         the tick that began in each state, as the controller measured it; the last row repeats the
         last tick.
 
-        Raises InvalidInputError: another ending; OSError: the file cannot be written.
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
         """
         save_result(path, self.summary(), lambda: self.arrays, self._columns)
 
     def to_frame(self) -> Frame:
         """Return the states as a pandas data frame: a row per state, the columns of a table.
 
-        Raises MissingPackageError: pandas is not installed.
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
         """
         return frame_of(self._columns())
 

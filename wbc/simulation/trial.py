@@ -38,18 +38,31 @@ def run_trial(
 ) -> SimulationResult:
     """Simulate a plant, from its present state, under torque controllers.
 
-    ``phases``: supervise the controllers; they have a state and serve one trial.
-    ``plant``: with its future pushes.
-    ``stop``: its ``duration`` and conditions; it does not end at rest.
-    ``falls``: criteria of a fall, which ends it.
-    ``plan``: followed by the tasks; the result has its tracking errors.
-    ``progress``, ``cancelled``, ``show``: see :func:`wbc.run.simulate`; ``relaxed`` counts the
-    ticks in which something gave way.
-    ``provenance``: origin of the run, as plain data; a part of the result.
+    Parameters
+    ----------
+    phases:
+        Supervise the controllers; they have a state and serve one trial.
+    plant:
+        With its future pushes.
+    stop:
+        Its ``duration`` and conditions; it does not end at rest.
+    falls:
+        Criteria of a fall, which ends it.
+    plan:
+        Followed by the tasks; the result has its tracking errors.
+    progress, cancelled, show:
+        See :func:`wbc.run.simulate`; ``relaxed`` counts the ticks in which something gave way.
+    provenance:
+        Origin of the run, as plain data; a part of the result.
 
-    Raises InvalidInputError: a controller of another robot, or one that gives no torques;
-    SimulationError: the physics blew up; UnknownNameError: the stop criteria accept a task that
-    there is not.
+    Raises
+    ------
+    InvalidInputError
+        A controller of another robot, or one that gives no torques.
+    SimulationError
+        The physics blew up.
+    UnknownNameError
+        The stop criteria accept a task that there is not.
     """
     stop.check_tasks(phases.tasks)
     calls = Callbacks(progress, cancelled=cancelled, show=show)

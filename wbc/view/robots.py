@@ -30,13 +30,22 @@ def robot_figure(
     Each shows the robot, its equimomental ellipsoid with the lengths of the semi-axes, the CoM, the
     six reaction masses M/6, the leg from the ground under the CoM, and the soles.
 
-    ``configurations``: what to write above each picture, and its configuration q (nq,), or a
-    :class:`~wbc.view.portrait.Pose`: one that floats, or with obstacles and targets.
-    ``title``: written above all.
-    ``view``: what is drawn, and from where.
+    Parameters
+    ----------
+    configurations:
+        What to write above each picture, and its configuration q (nq,), or a
+        :class:`~wbc.view.portrait.Pose`: one that floats, or with obstacles and targets.
+    title:
+        Written above all.
+    view:
+        What is drawn, and from where.
 
-    Raises InvalidInputError: no configuration, or an unusable one; ModelError: the robot's meshes
-    cannot be read.
+    Raises
+    ------
+    InvalidInputError
+        No configuration, or an unusable one.
+    ModelError
+        The robot's meshes cannot be read.
     """
     portraits = portrait.portraits_of(robot, configurations, view)
     count, heading = len(portraits), 0.0 if title is None else ABOVE

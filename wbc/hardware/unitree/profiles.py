@@ -58,7 +58,10 @@ class Profile:
     def order(self, robot: Robot) -> NDArray[np.int64]:
         """Return the number of the motor of each joint (nv-6,).
 
-        Raises InvalidInputError: joints without a motor, or several with the same.
+        Raises
+        ------
+        InvalidInputError
+            Joints without a motor, or several with the same.
         """
         names = robot.joint_names
         without = [name for name in names if name not in self.motors]
@@ -137,5 +140,11 @@ PROFILES: Mapping[str, Profile] = {
 
 
 def profile_named(name: str) -> Profile:
-    """Return a robot's profile. Raises UnknownNameError: none of that name."""
+    """Return a robot's profile.
+
+    Raises
+    ------
+    UnknownNameError
+        None of that name.
+    """
     return PROFILES[one_of("robot on a bus", name, list(PROFILES))]

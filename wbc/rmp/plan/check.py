@@ -108,7 +108,10 @@ class Check:
 def check(plan: Plan, factor: int = 2) -> Check:
     """Evaluate a plan at ``factor`` points per interval, and integrate it again.
 
-    Raises InvalidInputError: a factor below 1.
+    Raises
+    ------
+    InvalidInputError
+        A factor below 1.
     """
     check_kind("check: plan", plan, Plan)
     fine = plan.refined(factor)

@@ -90,9 +90,13 @@ def solve(
     the number of rows is the same too, its multipliers are used as well. ``verbose`` prints the
     size, IPOPT's iterations and its status; IPOPT may take ``iterations``, >= 1.
 
-    Raises PlanError: no plan exists, or none was found; the error names the limits that conflict;
-    InvalidInputError: limits that exclude each other, a warm start with other phases, or numbers
-    that IPOPT cannot start on.
+    Raises
+    ------
+    PlanError
+        No plan exists, or none was found; the error names the limits that conflict.
+    InvalidInputError
+        Limits that exclude each other, a warm start with other phases, or numbers that IPOPT
+        cannot start on.
     """
     check_kind("solve: problem", problem, PlanProblem)
     check_kind("solve: warm", warm, Plan, or_none=True)

@@ -88,8 +88,10 @@ class PlanProblem:
     x y z w. Orientations up to 278 degrees from it about each axis can be reached: at a full turn
     the parameters are singular. For a long turn, choose it in the middle.
 
-    Raises InvalidInputError: a schedule or states that contradict themselves or each other; the
-    message says how.
+    Raises
+    ------
+    InvalidInputError
+        A schedule or states that contradict themselves or each other; the message says how.
     """
 
     pendulum: Pendulum  # mass and gravity, and the space

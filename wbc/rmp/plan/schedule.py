@@ -114,8 +114,10 @@ def radii_for(mass: float, inertia: Components) -> Array:
 
     I_i = M/3 (r_j^2 + r_k^2), so r_k^2 = 3/(2 M) (I_i + I_j - I_k).
 
-    Raises InvalidInputError: a mass or moment that is not positive, or a moment not below the sum
-    of the others.
+    Raises
+    ------
+    InvalidInputError
+        A mass or moment that is not positive, or a moment not below the sum of the others.
     """
     mass = finite_number("mass", mass, above=0.0)
     moments = finite_vector("inertia", real_array("inertia", inertia), 3)
@@ -224,7 +226,10 @@ class PathLimits:
 class PlanPhase:
     """One phase of the schedule.
 
-    Raises InvalidInputError: an invalid value; the message names the phase.
+    Raises
+    ------
+    InvalidInputError
+        An invalid value; the message names the phase.
     """
 
     name: str  # for messages and results; not empty
@@ -294,7 +299,10 @@ def _duration(where: str, value: float | Sequence[float]) -> float | tuple[float
 def hull(*feet: ArrayLike) -> Corners:
     """Return the convex hull of feet, each (k, 2) [m], as corners of a support polygon.
 
-    Raises InvalidInputError: no points, or not finite.
+    Raises
+    ------
+    InvalidInputError
+        No points, or not finite.
     """
     if not feet:
         raise InvalidInputError("hull: needs at least one foot")
@@ -306,7 +314,10 @@ def hull(*feet: ArrayLike) -> Corners:
 def rectangle(x: float, y: float, length: float, width: float) -> Corners:
     """Return the corners of a foot's sole about (x, y), sides along the axes [m].
 
-    Raises InvalidInputError: a side that is not positive.
+    Raises
+    ------
+    InvalidInputError
+        A side that is not positive.
     """
     a = finite_number("length", length, above=0.0) / 2.0
     b = finite_number("width", width, above=0.0) / 2.0

@@ -44,8 +44,12 @@ def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
 def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
     """Return the problem from plain data; keys that are left out take their defaults.
 
-    Raises InvalidInputError: not such data, or a problem that contradicts itself; UnknownNameError:
-    a key that does not exist.
+    Raises
+    ------
+    InvalidInputError
+        Not such data, or a problem that contradicts itself.
+    UnknownNameError
+        A key that does not exist.
     """
     return _decoded("plan", PlanProblem, data)
 
@@ -56,7 +60,10 @@ def save_plan(plan: Plan, path: str | Path) -> Path:
     The file is complete in itself: problem, solution, multipliers, and for other readers the motion
     at the knots as arrays ``knots_time``, ``knots_com`` and so on.
 
-    Raises InvalidInputError: the path does not end in ``.npz``, or its folder does not exist.
+    Raises
+    ------
+    InvalidInputError
+        The path does not end in ``.npz``, or its folder does not exist.
     """
     path = Path(path)
     if path.suffix != ".npz" or not path.parent.is_dir():
@@ -85,7 +92,10 @@ def plan_arrays(plan: Plan) -> dict[str, NDArray[np.generic]]:
 def load_plan(path: str | Path) -> Plan:
     """Return a plan from its file.
 
-    Raises InvalidInputError: the file does not exist, is no plan, of a later format, or damaged.
+    Raises
+    ------
+    InvalidInputError
+        The file does not exist, is no plan, of a later format, or damaged.
     """
     kinds = {"meta": "U"} | dict.fromkeys(_ARRAYS, "iuf")
     found = read_arrays(path, lambda _: tuple(kinds), lambda name: kinds[name], LARGEST)

@@ -26,10 +26,17 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     Spheres, capsules and boxes are used as they are. Meshes and other shapes are replaced by shapes
     of kind ``fit`` that contain them.
 
-    ``fit``: ``"capsule"`` or ``"hull"``.
+    Parameters
+    ----------
+    fit:
+        ``"capsule"`` or ``"hull"``.
 
-    Raises ModelError: a collision shape of the description was not found, or there are none at all;
-    UnknownNameError: no such fit.
+    Raises
+    ------
+    ModelError
+        A collision shape of the description was not found, or there are none at all.
+    UnknownNameError
+        No such fit.
     """
     one_of("fit", fit, FITS)
     bodies = []

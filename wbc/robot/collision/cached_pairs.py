@@ -45,7 +45,10 @@ def chosen_pairs(
 ) -> Selection:
     """Return :func:`select_pairs` of :func:`robot_bodies`, from the cache if possible.
 
-    Raises ModelError, UnknownNameError, InvalidInputError: as they do.
+    Raises
+    ------
+    ModelError, UnknownNameError, InvalidInputError
+        As they do.
     """
 
     def choose() -> Selection:

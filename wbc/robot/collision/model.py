@@ -41,11 +41,19 @@ class PairDistances(NamedTuple):
 class CollisionModel:
     """Bodies on a robot, and some at rest or moved from outside, with the pairs to be kept apart.
 
-    ``bodies``: those of joint 0 are not attached to the robot; see :meth:`place`.
-    ``pairs``: pairs of indices of bodies, not both on one joint.
+    Parameters
+    ----------
+    bodies:
+        Those of joint 0 are not attached to the robot; see :meth:`place`.
+    pairs:
+        Pairs of indices of bodies, not both on one joint.
 
-    ``labels``: one for each pair, such as ``"left_hand vs pelvis"``.
-    ``native``: the pairs as the native core reads them.
+    Attributes
+    ----------
+    labels:
+        One for each pair, such as ``"left_hand vs pelvis"``.
+    native:
+        The pairs as the native core reads them.
     """
 
     def __init__(
@@ -110,7 +118,10 @@ class CollisionModel:
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing.
 
-        Raises InvalidInputError: numbers of no pairs.
+        Raises
+        ------
+        InvalidInputError
+            Numbers of no pairs.
         """
         total = len(self.pairs)  # beyond them the core would read what is none
         numbers = isinstance(pairs, np.ndarray) and pairs.ndim == 1 and pairs.dtype.kind in "iu"
@@ -203,7 +214,10 @@ class CollisionModel:
     def rows_of(self, states: StateSeries, pairs: Index, found: Array) -> Array:
         """Return :meth:`rows` (k, nv) of pairs that were found in several states.
 
-        ``pairs``, ``found``: as :meth:`NativePairs.within` returns them.
+        Parameters
+        ----------
+        pairs, found:
+            As :meth:`NativePairs.within` returns them.
         """
         n, p = found[:, 1:4], found[:, 4:]
         line = np.hstack((n, np.cross(p, n)))[:, None]  # (k, 1, 6)

@@ -64,12 +64,21 @@ def select_pairs(
     ``clearance`` and a millimetre, or almost always touching, get finer ones: see
     :mod:`wbc.robot.collision.refine`.
 
-    ``include``, ``exclude``: two names or patterns of links each, such as ``("left_wrist*",
-    "torso*")``, in any order.
-    ``clearance``: distance to be kept [m].
+    Parameters
+    ----------
+    include, exclude:
+        Two names or patterns of links each, such as ``("left_wrist*", "torso*")``, in any order.
+    clearance:
+        Distance to be kept [m].
 
-    Raises UnknownNameError: a pattern that matches no link; InvalidInputError: what is to be
-    included or excluded is no list of pairs; ModelError: the SRDF cannot be read.
+    Raises
+    ------
+    UnknownNameError
+        A pattern that matches no link.
+    InvalidInputError
+        What is to be included or excluded is no list of pairs.
+    ModelError
+        The SRDF cannot be read.
     """
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")

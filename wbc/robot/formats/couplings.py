@@ -71,8 +71,12 @@ class Coupling:
 class Loop:
     """Two frames of a robot, on different bodies, that are one.
 
-    ``frames``: the one that is held, and the one that it is held at, by their names.
-    ``kind``: ``"point"``: their origins meet (a ball joint); ``"pose"``: their axes too (a weld).
+    Attributes
+    ----------
+    frames:
+        The one that is held, and the one that it is held at, by their names.
+    kind:
+        ``"point"``: their origins meet (a ball joint); ``"pose"``: their axes too (a weld).
     """
 
     frames: tuple[str, str]

@@ -52,14 +52,23 @@ def write_report(
     It holds a replay in 3-D with a time slider, the plots, tables of tasks, constraints and times,
     the problem's text and the versions. The file is replaced atomically.
 
-    ``history``: as for :func:`wbc.view.plot_run`.
-    ``summary``: as :meth:`wbc.run.Result.summary` returns it.
-    ``simulation``: arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes
-    them.
-    ``terrain``: the terrain of a simulation.
+    Parameters
+    ----------
+    history:
+        As for :func:`wbc.view.plot_run`.
+    summary:
+        As :meth:`wbc.run.Result.summary` returns it.
+    simulation:
+        Arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes them.
+    terrain:
+        The terrain of a simulation.
 
-    Raises InvalidInputError: the path does not end in ``.html``, or :func:`wbc.view.plot_run`
-    refuses the run; OSError: the file cannot be written.
+    Raises
+    ------
+    InvalidInputError
+        The path does not end in ``.html``, or :func:`wbc.view.plot_run` refuses the run.
+    OSError
+        The file cannot be written.
     """
     report_format(path)
     return _write(path, report_text(robot, history, summary, title, simulation, terrain))
