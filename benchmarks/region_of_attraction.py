@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.rmp.balance.record import runge_kutta
 from wbc.rmp.balance.simulate import FALLEN
+from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.solid import SolidRmp
 from wbc.rotations import conjugate_product
 from wbc.validate import Array

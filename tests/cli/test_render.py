@@ -108,7 +108,7 @@ def test_of_a_pendulum_and_of_a_simulation(tmp_path, films, monkeypatch) -> None
     def film(history: Any, path: Path, **named: Any) -> None:
         films.append({"ticks": len(history.time), **named})
 
-    monkeypatch.setattr("wbc.view.film.film_pendulum", film)
+    monkeypatch.setattr("wbc.view.pendulum_film.film_pendulum", film)
     pendulum = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
     stand = tmp_path / "stand.yaml"
     stand.write_text(STAND + "simulation: {duration: 0.02, terrain: {slope: [0.05, 0]}}\n")

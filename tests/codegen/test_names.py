@@ -10,7 +10,7 @@ import pytest
 
 import wbc.robot
 from wbc.codegen import CodegenError, export_problem
-from wbc.codegen.core_parts import LONGEST_IDENTIFIER, LONGEST_LITERAL, comment, identifier, literal
+from wbc.codegen.c_text import LONGEST_IDENTIFIER, LONGEST_LITERAL, comment, identifier, literal
 
 MODEL = Path(wbc.robot.__file__).parent / "models" / "hoap2_like.urdf"
 COUNT = int(os.environ.get("WBC_FUZZ", "400"))

@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 import wbc
 from wbc.constraints import support
 from wbc.controllers import Controller, KinematicController, TorqueController, TorqueTick
-from wbc.controllers.checks import competing_tasks
+from wbc.controllers.competing_tasks import competing_tasks
 from wbc.laws import Residual
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask

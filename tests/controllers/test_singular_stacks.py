@@ -8,7 +8,8 @@ from scipy.linalg import null_space
 
 from wbc.constraints import PositionBox, support
 from wbc.controllers import KinematicController, Tick, TorqueController
-from wbc.controllers.singular import conditioning, reduce_singular
+from wbc.controllers.conditioning import conditioning
+from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
 from wbc.qp import QP
 from wbc.robot import Robot

@@ -14,9 +14,10 @@ from tests.command import wbc_command
 from wbc.errors import InvalidInputError
 from wbc.estimation import ImuMount
 from wbc.hardware.bus import BaseTruth, Command, Reading
-from wbc.hardware.log_file import HardwareLog, replay_log
+from wbc.hardware.log_file import HardwareLog
 from wbc.hardware.operator import Script
 from wbc.hardware.real_time import Beat
+from wbc.hardware.replay import replay_log
 from wbc.hardware.robot_controller import (
     EstimateError,
     RobotController,

@@ -9,7 +9,6 @@ import wbc
 from tests.human.walker import LABELS, recorded
 from wbc.human import HumanBody, MarkerRecording, human_motion, human_robot
 from wbc.human.body import HINGE_NAMES, HINGES
-from wbc.human.contacts import belt_velocity, in_belt_frame
 from wbc.human.kinematics import Poses
 from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
 from wbc.human.marker_identification import static_trial_notes
@@ -27,6 +26,7 @@ from wbc.human.roll_over import (
     roll_over_correction,
 )
 from wbc.human.skeleton import configurations
+from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.motion import Motion
 from wbc.motion.filtering import low_pass
 

@@ -14,7 +14,7 @@ from benchmarks.rmp_drift import compare_paths, measure_drift
 from benchmarks.rmp_steps import Springs, energy_momentum, rollout, runge_kutta
 from tests.command import wbc_command
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.rmp.balance import record
+from wbc.rmp import integrators
 from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.functions import export_c
@@ -60,12 +60,12 @@ def flying_apart(t: float, r0: float, w0: float) -> tuple[float, float, float, f
 def of_the_package(model: SolidRmp, dt: float) -> ca.Function:
     """The package's step, which has no residual."""
     x, u = ca.SX.sym("x", 23), ca.SX.sym("u", 11)
-    return ca.Function("step", [x, u], [record.runge_kutta(model, dt)(x, u), ca.SX(0)])
+    return ca.Function("step", [x, u], [integrators.runge_kutta(model, dt)(x, u), ca.SX(0)])
 
 
 def test_no_time_is_no_step() -> None:
     with pytest.raises(InvalidInputError, match="dt: must be greater than 0"):
-        record.runge_kutta(SOLID, 0.0)
+        integrators.runge_kutta(SOLID, 0.0)
 
 
 @pytest.mark.parametrize(

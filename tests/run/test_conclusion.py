@@ -15,7 +15,7 @@ from wbc.motion import read_motion
 from wbc.problem import Problem, load_problem
 from wbc.robot.collision import Capsule, HalfSpace, Hull, Obstacle
 from wbc.run import Result, RunStatus, Stop, simulate
-from wbc.run.history import ObstacleTrack, place_of
+from wbc.run.obstacles import ObstacleTrack, place_of
 
 LEAN = """\
 robot: hoap2_like

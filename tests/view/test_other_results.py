@@ -21,7 +21,7 @@ from wbc.problem.saved import SavedRun, load_result
 from wbc.robot import Robot
 from wbc.simulation import SimulationResult, Step, Terrain
 from wbc.simulation.terrain import LEVEL
-from wbc.view.film import PendulumFilm, film_pendulum
+from wbc.view.pendulum_film import PendulumFilm, film_pendulum
 from wbc.view.report.replay import pendulum_replay, replay_rows
 from wbc.view.report.report import report_text, write_pendulum_report
 

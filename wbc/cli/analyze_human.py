@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.cli.console import plain_console
 from wbc.cli.human_options import HumanOptions
 from wbc.cli.printing import heads, print_line
-from wbc.cli.progress import plain_console
 from wbc.errors import InvalidInputError
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import heads, print_line
-from wbc.cli.progress import plain_console
 from wbc.motion import RmpSeries
 from wbc.motion.dropouts import Dropout
 from wbc.motion.uncertainty import BAND

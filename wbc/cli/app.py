@@ -21,10 +21,11 @@ from wbc.cli.errors import BAD_INPUT, Commands, complain, print_warnings, refuse
 from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
+from wbc.cli.replay import REPLAY_EXIT_CODES, replay
 from wbc.cli.retarget import retarget
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, SIM_EXIT_CODES, run, sim
-from wbc.cli.saved import REPLAY_EXIT_CODES, export, render, replay, report
+from wbc.cli.saved import export, render, report
 from wbc.cli.view import view
 
 app = typer.Typer(

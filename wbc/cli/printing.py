@@ -12,7 +12,7 @@ from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.progress import plain_console
+from wbc.cli.console import plain_console
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus, unit_of
 from wbc.robot.names import COM

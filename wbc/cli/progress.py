@@ -17,15 +17,12 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.status import Status
 from rich.text import Text
 
+from wbc.cli.console import plain_console
+
 if TYPE_CHECKING:
     from wbc.batch import BatchProgress
 
 SECONDS_BETWEEN_LINES = 5.0
-
-
-def plain_console(stderr: bool = False) -> Console:
-    """Return a console that prints names as they are: ``[/j]`` may be a robot's joint."""
-    return Console(stderr=stderr, highlight=False, markup=False)
 
 
 class ProgressCall(Protocol):

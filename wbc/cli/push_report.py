@@ -9,8 +9,8 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import facts, heads, print_written
-from wbc.cli.progress import plain_console
 from wbc.problem.pushed_problem import PushSettings
 from wbc.simulation import PushMap
 from wbc.simulation.push_map import compare_maps

@@ -266,8 +266,8 @@ def _duration(text: str) -> str | float:
 
 def print_retargeted(found: Retargeted) -> None:
     """Print scale, notes, tracking errors, violations, and what cannot be balanced."""
+    from wbc.cli.console import plain_console
     from wbc.cli.printing import heads, print_line, print_unbalanced
-    from wbc.cli.progress import plain_console
     from wbc.retargeting.robot_setup import NO_SELF_COLLISION
 
     console, scale = plain_console(), found.scale

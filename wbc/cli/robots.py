@@ -55,7 +55,7 @@ def _describe(robot: Robot) -> None:
     from rich.columns import Columns
     from rich.text import Text
 
-    from wbc.cli.progress import plain_console
+    from wbc.cli.console import plain_console
 
     base = "fixed" if robot.fixed_base else "floating"
     typer.echo(f"{robot.name}  {robot.path}")

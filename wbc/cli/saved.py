@@ -1,4 +1,4 @@
-"""``wbc render``, ``report``, ``export``, ``replay``: a run as a film, page, recording, or again.
+"""``wbc render``, ``wbc report`` and ``wbc export``: a run as a film, a page, or a recording.
 
 The run is read from a result's file, or made by running a problem now.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, complain, print_notes
+from wbc.cli.errors import complain, print_notes
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, name_of
 
 if TYPE_CHECKING:
@@ -48,8 +48,9 @@ def render(
     from wbc.problem.pendulum.result import SavedPendulum
 
     require("matplotlib", "wbc render")
-    from wbc.view.film import film_format, film_pendulum, film_run
+    from wbc.view.film import film_format, film_run
     from wbc.view.options import View
+    from wbc.view.pendulum_film import film_pendulum
     from wbc.view.style import literal
 
     view = View.of(view_from, show)
@@ -201,74 +202,3 @@ def _title_of(saved: SavedRun | SavedPendulum) -> str:
     from wbc.files import as_text
 
     return f"{as_text(saved.name)}: {str(saved.summary['status']).replace('_', ' ')}"
-
-
-REPLAY_EXIT_CODES = (
-    "Exit codes: 0 the same to the last bit, but for times; 1 bad input; 2 wrong usage; 3 not the"
-    " same; 130 or 143 ended by Ctrl-C or SIGTERM."
-)
-
-
-def replay(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="What wbc run or wbc sim wrote (.json, .npz), a log of wbc hardware run, or a tick"
-            " that was saved.",
-            metavar="FILE",
-        ),
-    ],
-    code: Annotated[
-        Path | None,
-        typer.Option(
-            help="Of a tick: the Python file that defines tasks or constraints of yours; it is run."
-        ),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Run a recorded session again, or ask for a saved tick again, and compare to the last bit.
-
-    A tick is saved by wbc run --save-tick, or by tick.save(path).
-    """
-    from wbc.controllers.tick import TICK_FILE
-    from wbc.errors import InvalidInputError
-    from wbc.safe_pickle import kind_of
-
-    if kind_of(file) == TICK_FILE:
-        same, text = _tick(file, code)
-    elif code is not None:
-        raise InvalidInputError("--code: only for a saved tick")
-    else:
-        same, text = _run(file, quiet)
-    if not quiet:
-        typer.echo(text)
-    raise typer.Exit(0 if same else NOT_REACHED)
-
-
-def _tick(file: Path, code: Path | None) -> tuple[bool, str]:
-    from wbc.controllers.saved_tick import SavedTick
-
-    saved = SavedTick.load(file, code)
-    written = ", ".join(f"{name} {version}" for name, version in saved.versions.items())
-    asked = f"{file}: {saved.controller!r}, by {written}\nanswered  {saved.answer['report']}"
-    again = saved.replay()
-    same = "the same to the last bit"
-    return again.same, f"{asked}\nagain     {same if again.same else '; '.join(again.differences)}"
-
-
-def _run(file: Path, quiet: bool) -> tuple[bool, str]:
-    from wbc.hardware.log_file import is_log, replay_log
-
-    if file.suffix.lower() == ".npz" and is_log(file):
-        log = replay_log(file)
-        return log.same, f"{file}: {log}"
-    from wbc.cli.interrupts import noted_interrupts
-    from wbc.cli.progress import shown_progress
-    from wbc.problem.replay import describe_replay, replay_run
-
-    with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
-        again = replay_run(file, progress, interrupts)
-    if interrupts():
-        complain(f"interrupted; {describe_replay(again)}")
-        raise typer.Exit(interrupts.exit_code)
-    return again.same, f"{file}: {describe_replay(again)}"

@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.console import plain_console
 from wbc.cli.printing import (
     SHOWN,
     facts,
@@ -21,7 +22,6 @@ from wbc.cli.printing import (
     print_written,
     tasks_table,
 )
-from wbc.cli.progress import plain_console
 from wbc.errors import listed
 from wbc.robot.series import revolute_joints
 from wbc.simulation import SimulationResult

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.codegen.core_parts import comment
+from wbc.codegen.c_text import comment
 from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks

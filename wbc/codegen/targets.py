@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.codegen.core_parts import identifier
+from wbc.codegen.c_text import identifier
 from wbc.controllers import Controller
 from wbc.native.rows import Kind, NativeRows
 from wbc.tasks import InertiaTask

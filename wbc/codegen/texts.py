@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.codegen.core_parts import CodegenError, comment, literal
+from wbc.codegen.c_text import comment, literal
+from wbc.codegen.core_parts import CodegenError
 from wbc.codegen.recording import TickRecording
 from wbc.codegen.targets import contact_parts, task_parts
 from wbc.native import ffi

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.constraints.validation import check_rows
+from wbc.controllers.competing_tasks import competing_tasks
 from wbc.controllers.contact_forces import displaced
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, listed, shown
@@ -22,10 +22,10 @@ from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks import validation
-from wbc.tasks.contact_force import ContactForceTask, CopTask, ForceRateTask, LoadShareTask
+from wbc.tasks.contact_force import ContactForceTask, ForceRateTask, LoadShareTask
+from wbc.tasks.cop import CopTask
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
-from wbc.tasks.validation import residual_of
 from wbc.validate import Array
 
 # Attributes that are fixed in a controller's plan, and what to do instead of assigning them.
@@ -337,43 +337,3 @@ def check_list(kind: str, given: Any, wanted: type) -> None:
             raise InvalidInputError(
                 f"controller, {kind}: expected {what}, but the list has {one!r}{hint}"
             )
-
-
-MOVING_SHARE = 0.05  # of the demanded rate: a faster task is still moving to its target
-RELEVANT_SHARE = 0.02  # of a level's largest weighted error: smaller errors are ignored
-LEAST_GAIN_RATIO = 1.25  # between the gains of two tasks that are reported
-LEAST_ERROR = 1e-6  # weighted errors below this are ignored
-
-
-def competing_tasks(
-    tasks: Iterable[Task], snapshot: Snapshot, velocity: Array, dt: float
-) -> dict[str, float]:
-    """Return the gains, by name, of the tasks of one level that compete at different gains.
-
-    At rest off their targets: the QP weighs the rate that each task demands, gain times error, so
-    that the gradients weight^2 gain J' error cancel, and a smaller gain loses more than its weight
-    says.
-
-    ``tasks``: about motion.
-    ``velocity``: (nv,) commanded at the snapshot.
-    """
-    by_level = groupby(sorted(tasks, key=lambda one: one.priority), lambda one: one.priority)
-    for _, level in by_level:
-        off = {}
-        for task in level:
-            found, gain = residual_of(task, snapshot), task.law.fraction(dt)
-            size = float(np.linalg.norm(task.weight * found.error))
-            moves = float(np.linalg.norm(task.weight * found.rate(velocity))) * dt
-            off[task] = size, gain, moves < MOVING_SHARE * gain * size
-        most = max(size for size, *_ in off.values())
-        off = {
-            task: one
-            for task, one in off.items()
-            if one[0] > max(RELEVANT_SHARE * most, LEAST_ERROR)
-        }
-        if not all(rests for *_, rests in off.values()):
-            continue
-        gains = {task.name: gain for task, (_, gain, _) in off.items() if not task.law.weighs_error}
-        if gains and max(gains.values()) > LEAST_GAIN_RATIO * min(gains.values()):
-            return gains
-    return {}

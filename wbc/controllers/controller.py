@@ -27,19 +27,20 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import checks
 from wbc.controllers.blocks import TaskEvaluation
+from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_plan import CorePlan, core_solves
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights, weights_of
+from wbc.controllers.known_plans import KnownPlans
 from wbc.controllers.levels import Levels
 from wbc.controllers.look_ahead import MarginRows, Solve, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.outcome import Outcome
-from wbc.controllers.plan import Decision, KnownPlans, LevelPlan
-from wbc.controllers.singular import Conditioning, conditioning
+from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Tick
 from wbc.errors import ControllerFailure, InvalidInputError, no_attribute

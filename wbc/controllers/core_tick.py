@@ -14,7 +14,8 @@ import numpy as np
 
 from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import TaskEvaluation
-from wbc.controllers.core_memory import CoreMemory, LevelViews
+from wbc.controllers.core_layout import LevelViews
+from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NEGLIGIBLE, SlackQP
 from wbc.controllers.tick import Times

@@ -23,8 +23,7 @@ cross, nothing jumps: c' is a continuous function of A, unlike singular vectors.
 - Between tasks that contradict each other outright the weights still decide.
 
 The wanted rate is filtered rather than the motion damped: directions in which a task has no effect
-are free for other tasks, such as a posture that leads away from the singularity. How well all tasks
-together determine the motion is :class:`Conditioning`.
+are free for other tasks, such as a posture that leads away from the singularity.
 """
 
 from __future__ import annotations
@@ -34,10 +33,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh, lapack, null_space
+from scipy.linalg import lapack
 
 from wbc.laws import Rows
-from wbc.qp.problem import QP
 from wbc.validate import Array
 
 # Least weight of a row relative to the heaviest; lighter rows are raised to it, for accuracy.
@@ -192,45 +190,3 @@ def _singularity(gram: Array, threshold: float, rate_reduction: Array | None) ->
     condition = values[-1] / values[0] if values[0] else math.inf
     rank = sum(value >= threshold for value in values)
     return Singularity(rank, values[0], condition, rate_reduction)
-
-
-# Only directions whose curvature exceeds the damping this many times count as determined.
-DETERMINED = 10.0
-
-
-class Conditioning(NamedTuple):
-    """How well the tasks determine the motion in the null space of the contacts.
-
-    For single tasks see :attr:`wbc.controllers.tick.Tick.singular`.
-
-    ``free``: dimension of the contacts' null space (at the torque level without what no contact
-    forces can bring about); with several priorities the tick has the QP of the last level, and it
-    is the null space of contacts and the levels above.
-    ``rank``: number of these directions that the tasks determine; the damping decides the others.
-    If it is less than the tasks' rows, tasks are singular or linearly dependent. Directions that
-    tasks damp themselves (``lm_damping``, and points that are not yet at their targets) count as
-    determined.
-    ``condition``: largest over least curvature of the cost along the directions determined; 1 if
-    none is. Directions are scaled by the joints' weights, like the damping.
-    """
-
-    free: int
-    rank: int
-    condition: float
-
-
-def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
-    """Return how well conditioned a QP's cost is; takes a millisecond.
-
-    ``damping``, ``weights``: the controller's damping and joint weights (nv,), which are part of
-    the cost.
-    """
-    nv, A = weights.size, qp.A
-    if A[:, nv:].any():  # of rows that forces meet at any motion none remain
-        A = null_space(A[:, nv:].T).T @ A
-    free = null_space(A[:, :nv]) if len(A) else np.eye(nv)
-    size = (free.T * weights) @ free
-    curvatures = eigh(free.T @ qp.P[:nv, :nv] @ free, size, eigvals_only=True) - damping
-    determined = curvatures[curvatures > DETERMINED * damping]
-    condition = float(determined[-1] / determined[0]) if determined.size else 1.0
-    return Conditioning(free.shape[1], determined.size, condition)

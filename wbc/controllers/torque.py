@@ -26,7 +26,8 @@ from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.core_tick import CoreTick
-from wbc.controllers.dynamics import DryFriction, TickDynamics
+from wbc.controllers.dry_friction import DryFriction
+from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import StanceBraking, effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.force_rows import TorqueRows

@@ -11,7 +11,7 @@ So k is chosen in each tick:
     inside      at most ``gain``, and such that r stays in the inner part of the soles
     at an edge  up to ``spin``, as xi is near the edge or moves towards it
 
-(a reserve and a share beyond it, as in the pendulum's law of :mod:`wbc.rmp.balance.momentum_qp`).
+(a reserve and a share beyond it, as in the pendulum's law of :mod:`wbc.rmp.balance.capture`).
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class HardwareLoop:
         Length of logs [s]; one is then written at the end in any case. None: 10 s, and no log of a
         run without an event.
     made_of:
-        Problem, profile and estimator for logs, see :func:`wbc.hardware.log_file.replay_log`.
+        Problem, profile and estimator for logs, see :func:`wbc.hardware.replay.replay_log`.
     watch:
         Shows the log live, in a process of its own that ends with the loop, where the system can
         fork.

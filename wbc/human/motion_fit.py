@@ -13,14 +13,7 @@ from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import MIN_PLATE_FORCE, plates_mass
-from wbc.human.contacts import (
-    belt_velocity,
-    cutoff_by_steps,
-    feet_down,
-    ground_and_soles,
-    in_belt_frame,
-    nearest_rows,
-)
+from wbc.human.contacts import cutoff_by_steps, feet_down, ground_and_soles, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
     bridge_untold,
@@ -46,7 +39,6 @@ from wbc.human.marker_identification import (
     Markers,
     identify_markers,
     rotate_z_up,
-    select_subject,
     static_trial_notes,
     with_labels_of,
 )
@@ -54,6 +46,8 @@ from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
 from wbc.human.skeleton import configurations, human_robot
+from wbc.human.subjects import select_subject
+from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.kinds import check_kind
 from wbc.motion.analysis import analyze
 from wbc.motion.dropouts import Dropout, runs

@@ -10,7 +10,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from wbc.errors import InvalidInputError, ProblemFileError, shown
-from wbc.gait.scheduled_walk import WithHands
+from wbc.gait.hand_supervisor import WithHands
 from wbc.kinds import check_path
 from wbc.problem.build import build, hand_support
 from wbc.problem.components import Parts

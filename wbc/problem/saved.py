@@ -20,7 +20,8 @@ from wbc.problem.saved_parts import REMEDY, check_arrays, read_summary
 from wbc.problem.walk import read_problem
 from wbc.problem.yaml_reader import parse
 from wbc.robot import Robot
-from wbc.run.history import History, ObstacleTrack
+from wbc.run.history import History
+from wbc.run.obstacles import ObstacleTrack
 from wbc.run.result import FORMAT, Result
 from wbc.simulation import SimulationResult, Terrain
 from wbc.simulation.terrain import LEVEL

@@ -2,7 +2,8 @@
 
 from wbc.laws import Residual
 from wbc.tasks.axis import AxisTask
-from wbc.tasks.contact_force import ContactForceTask, CopTask, ForceRateTask, LoadShareTask
+from wbc.tasks.contact_force import ContactForceTask, ForceRateTask, LoadShareTask
+from wbc.tasks.cop import CopTask
 from wbc.tasks.damping import DampingTask
 from wbc.tasks.distance import DistanceTask
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask

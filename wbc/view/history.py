@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError, shown
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
-from wbc.run.history import ObstacleTrack
+from wbc.run.obstacles import ObstacleTrack
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array

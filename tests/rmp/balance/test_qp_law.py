@@ -13,9 +13,10 @@ from wbc.errors import InvalidInputError
 from wbc.placement import from_quaternion
 from wbc.polygon import inset, polygon_margin
 from wbc.qp import QP, ProxQP, Solution, make_backend
+from wbc.rmp.balance.capture import braking_debt, projected
 from wbc.rmp.balance.foot import acceleration_range
 from wbc.rmp.balance.law import LawBounds
-from wbc.rmp.balance.momentum_qp import MomentumQp, braking_debt, projected
+from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, simulate

@@ -1,5 +1,5 @@
 /* Rows on contact forces: given by Python (ForcePart in wbc/controllers/blocks.py), or moments about a wanted
- * centre of pressure (wbc/tasks/contact_force.py). */
+ * centre of pressure (wbc/tasks/cop.py). */
 #include "linear.h"
 #include "problem.h"
 

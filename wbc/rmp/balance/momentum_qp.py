@@ -12,6 +12,13 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
+from wbc.rmp.balance.capture import (
+    CaptureGains,
+    beyond_reserve,
+    braking_debt,
+    projected,
+    wanted_cmp,
+)
 from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, check_law
 from wbc.rmp.functions import Evaluator
@@ -29,26 +36,6 @@ RETURNED = 0.02
 # A slack beyond this part of its scale is a violated limit. At a limit that is kept, the weights
 # leave some 1e-5.
 VIOLATED = 0.01
-
-
-@dataclass(frozen=True)
-class CaptureGains:
-    """How hard the capture point is driven, and how the rest follows."""
-
-    capture: float = 2.5  # k of cmp = xi + k (xi - xi_ref) while the CoP alone can do it
-    # How far the CMP is asked beyond the support, for each metre that xi is: the wheel's share.
-    # Large: a torque kept back at first cannot be made up for later.
-    beyond: float = 60.0
-    reserve: float = 0.02  # part of the support, at its edge, where the wheel already helps, > 0
-    height: float = 8.0  # natural frequency of the CoM's height [rad/s], critically damped
-    wheel: float = 4.0  # natural frequency [rad/s] at which the masses turn back to rest
-    radii: float = 8.0  # and at which they slide back [rad/s]
-
-    def __post_init__(self) -> None:
-        positive = ("capture", "beyond", "height", "wheel", "radii")
-        check_fields(self, "gains: ", *positive, above=0.0)
-        if not 0.0 < self.reserve < 1.0:
-            raise InvalidInputError(f"gains: reserve must be in (0, 1), got {self.reserve:g}")
 
 
 @dataclass(frozen=True)
@@ -79,8 +66,8 @@ class MomentumQp:
     """Keep a pendulum on a flat foot upright: CoP first, then the wheel, then the wheel back.
 
     The capture point is driven to the CoM's place of rest by a CMP beyond it
-    (:func:`wanted_cmp`). Within the support the CoP is the CMP. Outside, the rest is the wheel's
-    torque up to its limit; braking stops it at the limit of its angle, so that the
+    (:mod:`wbc.rmp.balance.capture`). Within the support the CoP is the CMP. Outside, the rest is
+    the wheel's torque up to its limit; braking stops it at the limit of its angle, so that the
     bang-bang of :mod:`wbc.rmp.balance.push_limits`, which absorbs the largest push, comes by
     itself. The masses turn back as soon as the CoP can pay for it.
 
@@ -286,52 +273,3 @@ def _wanted_and_fallback(
         ca.vertcat(hold, 0.0, calm, slide, none),
         ca.norm_2(beyond_reserve(xi + debt, com[:2], support, gains)),
     )
-
-
-def braking_debt(momentum: ca.SX, torque: float, weight: float, omega: ca.SX) -> ca.SX:
-    """Return how far (2,) [m] the capture point will be set back when the wheel is stopped.
-
-    Full brake takes |k_G| / torque and shifts the CMP by torque / weight meanwhile. A capture point
-    is safe only if it is inside the support with this added: a law that stops pushing as soon as xi
-    itself is inside finds itself outside again once the wheel must brake. ``momentum`` is k_G (3,)
-    [kg m^2/s] in world axes, ``torque`` that of the motors [N m], ``weight`` M g [N].
-    """
-    # A torque about y moves the CMP along x, one about x moves it back along y.
-    across = ca.vertcat(momentum[1], -momentum[0])
-    share = 1.0 - ca.exp(-omega * ca.fabs(across) / torque)
-    return torque / weight * ca.sign(across) * share
-
-
-def wanted_cmp(
-    capture_point: ca.SX, debt: ca.SX, target: Array, support: Array, gains: CaptureGains
-) -> ca.SX:
-    """Return the CMP (2,) wanted for a capture point (2,) [m].
-
-    The wheel's share begins a little inside the support, where the CoP alone still drives the
-    capture point back: began it at the edge itself, both would just hold it there. ``debt`` is
-    that of :func:`braking_debt`, ``target`` (2,) the capture point at rest, and ``support`` holds
-    the corners of the polygon (k, 2), anticlockwise.
-    """
-    near = projected(support, capture_point + gains.capture * (capture_point - ca.DM(target)))
-    return near + gains.beyond * beyond_reserve(capture_point + debt, target, support, gains)
-
-
-def beyond_reserve(point: ca.SX, target: Array, support: Array, gains: CaptureGains) -> ca.SX:
-    """Return how far (2,) [m] a point is outside the support without its reserve."""
-    return point - projected(target + (1.0 - gains.reserve) * (support - target), point)
-
-
-def projected(corners: Array, point: ca.SX) -> ca.SX:
-    """Return the point (2,) of a convex polygon (k, 2), anticlockwise, nearest to ``point``."""
-    best, least, inside = point, ca.SX(ca.inf), ca.SX(1.0)
-    for k in range(len(corners)):
-        start, end = corners[k - 1], corners[k]
-        along = ca.DM(end - start)
-        arm = point - ca.DM(start)
-        share = ca.fmax(0.0, ca.fmin(1.0, ca.dot(arm, along) / ca.sumsqr(along)))
-        foot = ca.DM(start) + share * along
-        distance = ca.sumsqr(point - foot)
-        best = ca.if_else(distance < least, foot, best)
-        least = ca.fmin(distance, least)
-        inside *= along[0] * arm[1] - along[1] * arm[0] >= 0.0
-    return ca.if_else(inside, point, best)

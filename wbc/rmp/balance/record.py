@@ -1,4 +1,4 @@
-"""The record of a pendulum's motion under a law, its step in time, and how near bounds it came."""
+"""The record of a pendulum's motion under a law, and how near to its bounds it came."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from wbc.polygon import polygon_margin
 from wbc.rmp.balance.foot import ground_loads
 from wbc.rmp.balance.law import FREE, LawBounds, Pendulum
 from wbc.rmp.ground import centre_of_pressure, in_contact
-from wbc.rmp.pendulum import ReactionMassPendulum
+from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.planar import PlanarRmp
-from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_number
+from wbc.validate import Array
 
 # Tolerance of a bound, in its unit: the accuracy of a QP, for N and N m of the order of a thousand.
 BOUND_TOLERANCE = 1e-6
@@ -180,25 +179,3 @@ def _within(values: Array, interval: tuple[float, float]) -> float:
 
 def _least(values: Array) -> float:
     return float(values.min()) if values.size else FREE
-
-
-def runge_kutta(model: ReactionMassPendulum, dt: float) -> ca.Function:
-    """Return the classical explicit step of fourth order, a CasADi Function (x, u) -> x_next.
-
-    x = (q, v); u = (CoP acceleration, generalised forces), constant through the step. Of SolidRmp's
-    quaternion the norm is kept; of energy and momentum nothing.
-
-    Raises InvalidInputError: ``dt`` is not positive.
-    """
-    dt = finite_number("dt", dt, above=0.0)
-    x = ca.SX.sym("x", len(model.Q) + len(model.V))
-    u = ca.SX.sym("u", len(model.V))
-    rate = model.functions["state_rate"]
-    k1 = rate(x, u)
-    k2 = rate(x + dt / 2 * k1, u)
-    k3 = rate(x + dt / 2 * k2, u)
-    k4 = rate(x + dt * k3, u)
-    after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    if isinstance(model, SolidRmp):
-        after[5:9] /= ca.norm_2(after[5:9])
-    return ca.Function("runge_kutta", [x, u], [after], ["x", "u"], ["x_next"])

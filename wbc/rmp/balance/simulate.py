@@ -14,9 +14,10 @@ from wbc.errors import InvalidInputError, WbcError, shown
 from wbc.kinds import check_callable, check_kind, switch
 from wbc.rmp.balance.foot import ground_loads, require_support
 from wbc.rmp.balance.law import BalanceLaw, LawBounds, Pendulum, PendulumCommand
-from wbc.rmp.balance.record import Ending, Simulation, ground_push, runge_kutta
+from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT
+from wbc.rmp.integrators import runge_kutta
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
