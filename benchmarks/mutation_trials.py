@@ -28,11 +28,10 @@ from benchmarks.mutation_places import ROOT, Fault, Places, files, source
 ROOMS = "tasks constraints controllers qp reference native loops shaping run problem gait flight"
 TESTS = tuple(f"tests/{room}" for room in (*ROOMS.split(), "tracking", "simulation"))
 TESTS += tuple(
-    f"tests/robot/test_{name}.py"
-    for name in ("state", "kernel", "series", "symbolic", "collision_closing")
+    f"tests/robot/test_{name}.py" for name in ("state", "kernel", "series", "collision_bounds")
 )
 TESTS += ("--ignore=tests/shaping/test_search_all.py",)  # of processes that import anew, by time
-WHOLE = "bad_input defaults errata reduction repr signatures validate what_callers_give"
+WHOLE = "bad_input defaults errata public_names reduction validate what_callers_give"
 TESTS += tuple(f"tests/test_{name}.py" for name in WHOLE.split())
 WARM = ("hoap2_like", "g1_27", "talos", "icub", "romeo", "mixed_joints")  # no faults in loading
 ALWAYS = "tests/test_defaults.py"  # looks at signatures, and calls nothing

@@ -5,8 +5,8 @@ import ast
 import pytest
 
 from benchmarks.mutation import EQUIVALENT, report
-from benchmarks.mutation_places import Places, faults, files
-from benchmarks.mutation_trials import Trials, chosen_tests, forked
+from benchmarks.mutation_places import ROOT, Places, faults, files
+from benchmarks.mutation_trials import TESTS, Trials, chosen_tests, forked
 
 SOURCE = '''
 LEAST: float = 0.5
@@ -24,6 +24,11 @@ PLACES = [
         "min -> max", "Mult -> Div", "2 -> 3", "left out", "if not", "IsNot -> Is", "False",
     )),
 ]  # fmt: skip
+
+
+@pytest.mark.parametrize("path", TESTS)
+def test_tests_that_faults_are_tried_on_are_there(path: str) -> None:
+    assert (ROOT / path.removeprefix("--ignore=")).exists()
 
 
 def test_every_place_is_found_with_its_function() -> None:
