@@ -29,7 +29,11 @@ def skew(w: Array) -> Array:
 
 def skews(vectors: Array) -> Array:
     """Return the cross-product matrices (n, 3, 3) of vectors (n, 3)."""
-    return np.cross(np.eye(3), vectors[:, None, :])
+    x, y, z = vectors.T
+    found = np.zeros((len(vectors), 3, 3))
+    found[:, 0, 1], found[:, 0, 2], found[:, 1, 2] = -z, y, -x
+    found[:, 1, 0], found[:, 2, 0], found[:, 2, 1] = z, -y, x
+    return found
 
 
 def twist_products(twists: Array) -> Array:

@@ -6,8 +6,9 @@
  *
  *     v.w / |v|  <=  distance  <=  |v|
  *
- * which both ends the search and proves the answer. Every search starts cold: the answer depends on where the
- * bodies are, not on where they were. Nearest points of triangles: Ericson, Real-Time
+ * which both ends the search and proves the answer; where only distances up to a limit matter, it ends as soon as
+ * the lower bound is above that. Every search starts cold: the answer depends on where the bodies are, not on where
+ * they were. Nearest points of triangles: Ericson, Real-Time
  * Collision Detection (2005), sec. 5.1.5, but with v from the triangle's normal.
  */
 #include "convex.h"
@@ -153,8 +154,8 @@ static int has(const simplex *of, const double *w) {
     return 0;
 }
 
-int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double *distance,
-                    double *normal, double *point) {
+int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double limit,
+                    double *distance, double *normal, double *point) {
     simplex of;
     double v[3], size = INFINITY, least = -INFINITY;
     memset(&of, 0, sizeof of);
@@ -168,6 +169,10 @@ int convex_distance(const convex *A, const convex *B, const double *there, const
         for (int i = 0; i < 3; i++) w[i] = a[i] - (b[i] + there[i]);
         const double length = sqrt(dot3(v, v)), below = dot3(v, w) / length;
         if (below > least) least = below;
+        if (least > limit) {
+            *distance = least;
+            return 1;
+        }
         if (has(&of, w) || (of.count && size - least <= EXACT * size)) break;
         const simplex before = of;
         of.count++;

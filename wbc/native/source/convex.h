@@ -15,10 +15,10 @@ typedef struct {
 } convex;
 
 /* Distance of A and B, whose origin is at `there` from A's; unit normal from B to A; nearest point of A from its
- * origin, world axes. guess: about the direction from B to A. False: they overlap, or the answer is not proved to a
- * nanometre. */
-int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double *distance,
-                    double *normal, double *point);
+ * origin, world axes. guess: about the direction from B to A. A distance above the limit is a lower bound, without
+ * normal and point. False: they overlap, or the answer is not proved to a nanometre. */
+int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double limit,
+                    double *distance, double *normal, double *point);
 
 #pragma GCC visibility pop
 

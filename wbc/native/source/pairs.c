@@ -82,7 +82,7 @@ static void measure_capsules(const wbc_pairs *of, const double *placed, int64_t 
 }
 
 /* Of two hulls; -INFINITY where convex_distance has no answer, since they overlap. */
-static void measure_hulls(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
+static void measure_hulls(const wbc_pairs *of, const double *state, const double *placed, int64_t pair, double limit,
                           double *found) {
     const double *rotations = state + ROTATIONS(of->nv);
     const double *origins = state + ORIGINS(of->nv, of->joints), *origin[2];
@@ -100,12 +100,13 @@ static void measure_hulls(const wbc_pairs *of, const double *state, const double
         there[i] = origin[1][i] - origin[0][i];
         guess[i] = placed[PLACED * first + MIDDLE + i] - placed[PLACED * second + MIDDLE + i];
     }
-    if (!convex_distance(hull, hull + 1, there, guess, found, found + 1, found + 4)) {
+    const double rounding = of->rounding[first] + of->rounding[second];
+    if (!convex_distance(hull, hull + 1, there, guess, limit + rounding, found, found + 1, found + 4)) {
         memset(found, 0, FOUND * sizeof *found);
         found[0] = -INFINITY;
         return;
     }
-    found[0] -= of->rounding[first] + of->rounding[second];
+    found[0] -= rounding;
     for (int i = 0; i < 3; i++) found[4 + i] += origin[0][i] - of->rounding[first] * found[1 + i];
 }
 
@@ -129,7 +130,7 @@ static void measure_above(const wbc_pairs *of, const double *state, const double
     memcpy(found + 1, n, 3 * sizeof *n);
 }
 
-/* Of any pair. If a bounding capsule's distance is above the limit, that is written instead. */
+/* Of any pair. Above the limit, a lower bound of the distance may be written instead, without normal and point. */
 static void measure(const wbc_pairs *of, const double *state, const double *placed, int64_t pair, double limit,
                     double *found) {
     if (of->kind[pair] == ABOVE) {
@@ -137,7 +138,7 @@ static void measure(const wbc_pairs *of, const double *state, const double *plac
         return;
     }
     measure_capsules(of, placed, pair, found);
-    if (of->kind[pair] == HULLS && !(found[0] > limit)) measure_hulls(of, state, placed, pair, found);
+    if (of->kind[pair] == HULLS && !(found[0] > limit)) measure_hulls(of, state, placed, pair, limit, found);
 }
 
 /* The k-th smallest (from 0) of n values, which are reordered: Hoare's selection. */
