@@ -177,6 +177,19 @@ def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(march: March) ->
     np.testing.assert_allclose(plate.force, 2.0 * truth[:, :3], atol=2e-3)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_origin_of_a_treadmill_is_read_either_way_round(march: March, sign: float) -> None:
+    """Its sensor stays; its surface is 0.3 m further back, which an origin tells with any sign."""
+    path, truth = march
+    back = 1e3 * (DOWN - (0.3, 0.0, 0.0)).T[:, :, None]
+    origin = np.array(((-300.0 * sign,), (0.0,), (-40.0,)))
+    _with(path, "FORCE_PLATFORM", CORNERS=back, ORIGIN=origin)
+    found = read_markers(path)
+    plate = found.upright("z").plates[0]
+    np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=0.05)
+    assert any("the other way round" in note for note in found.notes) == (sign < 0.0)
+
+
 @pytest.mark.parametrize(
     ("values", "plates", "words"),
     [

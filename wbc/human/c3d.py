@@ -224,6 +224,13 @@ def _plate(
         if factor != 1.0:
             notes += (f"{name} has its {what} in another unit than told: taken times {factor:g}",)
     force, moment = plate_wrench(kind, values, places, sensor, point, arm)
+    if kind in (2, 4) and sensor[:2].any():
+        # Instrumented treadmills' origins lead from the surface's middle to the sensor in files of
+        # some programs, the other way than the manual's.
+        wrench = plate_wrench(kind, values, places, sensor * (-1.0, -1.0, 1.0), point, arm)
+        if _part_on(places, *wrench) > 0.5 > _part_on(places, force, moment):
+            force, moment = wrench
+            notes += (f"{name} is loaded beside itself: its origin is taken the other way round",)
     return ForcePlate(f"plate {k + 1}", time, force, moment, places), notes
 
 
@@ -248,6 +255,17 @@ def _sensors(name: str, kind: int, corners: Array, origin: Array) -> tuple[Array
     if kind == 3 and offset.min() > 0.0 and (offset[::-1] <= half).all():
         return origin[[1, 0, 2]], (f"{what}: x and y are exchanged",)
     return origin, (f"{what}: its origin or corners are wrong, and so is its CoP",)
+
+
+def _part_on(corners: Array, force: Array, moment: Array) -> float:
+    """Return the part of a plate's loaded samples whose CoP is within its corners."""
+    middle, sides = corners.mean(axis=0), corners[[0, 0]] - corners[[1, 3]]
+    normal = np.cross(*sides)
+    up = force @ normal
+    loaded = np.abs(up) > MIN_LOAD * np.linalg.norm(normal)
+    about = (moment - np.cross(middle, force))[loaded]
+    at = np.cross(normal, about) / up[loaded, None] @ sides.T / (sides**2).sum(axis=1)
+    return float((np.abs(at) < 0.5 * CORNER_TOLERANCE).all(axis=1).mean()) if loaded.any() else 0.0
 
 
 def plate_wrench(
