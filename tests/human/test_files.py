@@ -435,7 +435,14 @@ def test_unnamed_markers_of_a_trc_are_left_out_with_a_note(tmp_path: Path) -> No
     np.testing.assert_array_equal(found.positions, before.positions)
 
 
-@pytest.mark.parametrize("form", ["ground_force_1_{} ground_moment_1_m{}", "FP1_{} FP1_moment_{}"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        "ground_force_1_{} ground_moment_1_m{}",
+        "FP1_{} FP1_moment_{}",
+        "ground_force_1_{} ground_force_1_m{}",
+    ],
+)
 def test_mot_columns_of_other_programs_are_read(tmp_path: Path, form: str) -> None:
     """Among them those of OpenSim's C3D adapter, whose torque is that at the plate's middle."""
     write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])

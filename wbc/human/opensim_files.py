@@ -156,7 +156,7 @@ def _by_plate(names: list[str]) -> dict[str, dict[str, list[int]]]:
     """Return columns x, y, z of force v, point p and torque t by plate; those that have a force.
 
     Names have the word force, torque or moment (``ground_moment_1_mx``), or are a plate's with a
-    force and a point (``FP1_vx``, ``FP1_px``).
+    force and a point (``FP1_vx``, ``FP1_px``); torques may also be ``ground_force_1_mx``.
     """
     found, called = dict[str, dict[str, list[int]]](), dict[str, str]()
     for k, name in enumerate(names):
@@ -164,7 +164,7 @@ def _by_plate(names: list[str]) -> dict[str, dict[str, list[int]]]:
         if match is None:
             continue
         stem, letter, axis = match.groups()
-        turns = "torque" in stem or "moment" in stem
+        turns = letter == "m" or "torque" in stem or "moment" in stem
         kind = "t" if turns else letter
         if kind in ("v", "p", "t"):
             plate = _WORD.sub("", stem)
