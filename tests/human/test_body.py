@@ -92,7 +92,9 @@ LABELLED = (
     " right_shank LUpperLeg1 left_thigh L.LowerArm.Top left_forearm RUpperArm3 right_upper_arm"
     " SIASr right_asis R.SIPS right_psis l_thigh_cl1 left_thigh r_mall_med right_ankle_medial RANKL"
     " right_ankle_lateral R_2ndMet right_toe L_GREAT_TROCH left_trochanter RFT3 right_foot"
-    " R5thMetatarsal right_metatarsal_5 RGreaterTrochanter right_trochanter"
+    " R5thMetatarsal right_metatarsal_5 RGreaterTrochanter right_trochanter RxAsis right_asis"
+    " LxLatCon left_knee_lateral Psis sacrum LMFH5 left_metatarsal_5 RMFH1 right_metatarsal_1"
+    " LHMH2 left_hand RSPH right_ankle_medial LATT left_tibial_tuberosity RTT2 right_toe"
 )
 
 

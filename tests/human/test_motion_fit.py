@@ -725,6 +725,15 @@ def test_a_marker_far_from_those_of_its_segment_is_left_out_with_a_note() -> Non
     assert any("far from the others" in one and "LFT (left_foot)" in one for one in human.notes)
 
 
+def test_a_fingertip_that_is_a_foot_by_name_is_left_out_with_a_note() -> None:
+    """Of the foot only a toe is marked, so that the ankle tells which of the two is there."""
+    recording, _ = recorded(BODY, labels=[one for one in LABELS if one != "LHEE"], seconds=1.0)
+    labels = tuple("LFT3" if one == "LFIN" else one for one in recording.labels)
+    human = human_motion(replace(recording, labels=labels), mass=72.0)
+    assert human.rms < 1e-3, human.rms
+    assert any("far from the others" in one and "LFT3 (left_foot)" in one for one in human.notes)
+
+
 def test_missing_markers_are_named() -> None:
     labels = [label for label in LABELS if label not in ("LKNE", "LANK")] + ["Foo"]
     recording, _ = recorded(BODY, labels=labels[:-1], seconds=0.2)

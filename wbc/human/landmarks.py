@@ -46,16 +46,16 @@ _PAIRED: dict[str, _Row] = {
               " QUAD BAR1 WAND1 THIGHFRONTLOW T1 T2 T3 T4 THU THL THD ANTFEM POSTFEM"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEELAT LATKNEE LKNEE KNEEOUT"
               " KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC LEK KNEELATEPICONDYLE"
-              " FCL LKN LEPI KNJNTLN"),
+              " FCL LKN LEPI KNJNTLN LATCON"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE KNEEMED MEDKNEE KNM KNEM MFC"
               " FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC MEK KNEEMEDEPICONDYLE FCM MKN KNI"
-              " MEPI"),
+              " MEPI MEDCON"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
               " KNEEJC"),
     "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"
               " FIB HFB FIBULAHEAD"),
     "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TTB TIBTUB TUB"
-              " TIBIALTUB TTU TIBTUBERCLE TIBIALTUBERCLE TUBTIB"),
+              " TIBIALTUB TTU TIBTUBERCLE TIBIALTUBERCLE TUBTIB ATT"),
     "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SHN SHIN SHANKUPPER"
               " SHANKFRONT SHANKREAR SHANKLAT TIAP TIAD TB SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
               " SHA ATI SHINFRONTHIGH SHANKANTSUP S1 S2 S3 S4 TBU TBC TBD ANTTIB POSTTIB SH1 SH2"
@@ -65,20 +65,21 @@ _PAIRED: dict[str, _Row] = {
               " MALLEOLUSLAT MALLLAT ANKL"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED"
               " MM TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS MEDMAL MA MAK MML MALM MALMED"
-              " MALLEOLUSMED MALLMED ANKM MAN"),
+              " MALLEOLUSMED MALLMED ANKM MAN SPH"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
               " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
               " HEL PCA HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
     "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID"
               " FOREFOOT MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX MET2"
-              " MET3 3META HALLUX HLX HALL M2 2MET"),
+              " MET3 3META HALLUX HLX HALL M2 2MET TT2"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
               " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL FIRSTMET MET1 META1"
-              " MTH1 1MTH 1MH 1MET 1STMET M1 MT0"),
+              " MTH1 1MTH 1MH 1MET 1STMET M1 MT0 MFH1"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5"
               " D5M D5MT MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5"
-              " FIFTHMETATARSAL SMALLTOE FIFTHMET MET5 META5 MTH5 5MTH 5MH 5MET 5THMET 5TH M5"),
+              " FIFTHMETATARSAL SMALLTOE FIFTHMET MET5 META5 MTH5 5MTH 5MH 5MET 5THMET 5TH M5"
+              " MFH5"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT P1MT"
               " P5MT P1M P5M FT MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL LCA CUN CUB"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM"
@@ -107,7 +108,7 @@ _PAIRED: dict[str, _Row] = {
     "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
               " WRISTJOINT WRISTJC"),
     "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"
-              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND HANDIN OHAND IHAND"),
+              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND HANDIN OHAND IHAND HMH2 HMH5"),
     "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"
               " FOREHEAD"),
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
@@ -115,7 +116,7 @@ _PAIRED: dict[str, _Row] = {
 }  # fmt: skip
 _MIDDLE: dict[str, _Row] = {
     "sacrum": ("pelvis", "pelvis", (-110, 0, 75), 20, 8, "SACR SACRUM S2 S1 VSACRAL VSAC SAC MPSIS"
-               " SACRAL MIDPSIS WAISTBACK"),
+               " SACRAL MIDPSIS WAISTBACK PSIS"),
     "mid_asis": ("pelvis", "pelvis", (46, 0, 83), 12, 8, "MIDASIS"),
     "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT MIDHIP CHIP"),
     "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
@@ -140,7 +141,9 @@ _MIDDLE: dict[str, _Row] = {
     "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),
 }  # fmt: skip
 _BOTH = ("left", "right")
-SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
+SIDES = {
+    one: side for side in _BOTH for one in (side[0].upper(), side[0].upper() + "X", side.upper())
+}
 CLUSTER = 3  # markers that determine a segment's rotation
 ABOVE = ("head", *(f"{s}_{part}" for s in _BOTH for part in ("upper_arm", "forearm", "hand")))
 # Joints of recordings without a marker on the pelvis: cameras see joint centres.

@@ -100,7 +100,9 @@ def _elsewhere(recording: MarkerRecording, markers: Markers) -> list[str]:
     """Return markers far from all others of their segments, whose names must mean another one."""
     nearest = dict[str, float]()
     for label, mark in markers.items():
-        others = [n for n, m in markers.items() if n != label and m.segment == mark.segment]
+        # Those beside its joint are no farther from it, either: a fingertip is no toe.
+        own = mark.segment
+        others = [n for n, m in markers.items() if n != label and own in (m.segment, m.anchor)]
         apart = [_distance(recording, label, one) for one in others]
         nearest[label] = min(apart) if len(apart) > 1 else 0.0
     near = {markers[label].segment for label, way in nearest.items() if 0.0 < way < ELSEWHERE}
