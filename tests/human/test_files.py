@@ -14,6 +14,7 @@ from wbc.errors import WbcError
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
 from wbc.human.bones import REACH, joint_landmarks
+from wbc.human.bvh import UNITS, _unit
 from wbc.human.c3d import _sensors, plate_wrench
 from wbc.human.c3d_parameters import read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
@@ -646,6 +647,12 @@ def test_joints_of_unreal_are_identified() -> None:
     found = joint_landmarks(names, "it")
     assert [found[k] for k in (1, 2, 3)] == ["root", "neck_centre", "head_centre"]
     assert sorted(found) == list(range(1, len(names)))
+
+
+def test_one_unit_fits_a_human_of_any_height_from_a_metre() -> None:
+    for size in UNITS.values():
+        for height in (1.01, 1.12, 1.5, 2.19):
+            assert _unit(None, height / size, "it")[0] == size
 
 
 def test_unit_of_carnegie_mellon_is_recognised(tmp_path: Path) -> None:

@@ -18,9 +18,10 @@ from wbc.validate import Array
 MAX_JOINTS, MAX_FRAMES, MAX_DEPTH = 500, 1_000_000, 100
 CHANNELS = {f"{axis}{kind}": (axis, kind) for axis in "XYZ" for kind in ("position", "rotation")}
 # Units of length [m], most usual first, and the range of a human's height [m]. Carnegie Mellon's
-# Graphics Lab wrote inches times 0.45, as do all files made from theirs.
+# Graphics Lab wrote inches times 0.45, as do all files made from theirs. Units differ by more than
+# heights, so that one fits.
 UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001, "cmu": 0.0254 / 0.45}
-HEIGHTS = (1.2, 2.2)
+HEIGHTS = (1.0, 2.2)
 LEG = 0.49  # from hip to ankle, by the stature (de Leva 1996)
 
 
