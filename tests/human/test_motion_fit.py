@@ -11,7 +11,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.comparison import plates_mass
-from wbc.human.contacts import cutoff_by_steps
+from wbc.human.contacts import cutoff_by_steps, feet_down
 from wbc.human.fit import (
     PELVIS_TILT,
     MarkerSet,
@@ -28,6 +28,7 @@ from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion import RmpSeries
 from wbc.motion.table import RecordingError
+from wbc.robot import Robot
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 
@@ -732,6 +733,18 @@ def test_a_fingertip_that_is_a_foot_by_name_is_left_out_with_a_note() -> None:
     human = human_motion(replace(recording, labels=labels), mass=72.0)
     assert human.rms < 1e-3, human.rms
     assert any("far from the others" in one and "LFT3 (left_foot)" in one for one in human.notes)
+
+
+def test_a_foot_that_rests_some_cm_high_carries_the_human_where_no_other_one_does() -> None:
+    """A recording drifts by 50 mm; in a jump over the same height no foot rests."""
+    robot, time = Robot.load("hoap2_like"), np.arange(100) / 100.0
+    left, right = robot.feet
+    places = {foot: np.tile(np.eye(4), (100, 1, 1)) for foot in robot.feet}
+    places[right][:, 2, 3] = 0.3 * np.sin(np.pi * time)  # swings between both ends
+    places[left][:, 2, 3] = 0.05
+    assert feet_down(robot, places, time, 0.0)[:, 0].all()
+    places[left][:, 2, 3] = places[right][:, 2, 3] = 0.05 + 0.07 - 4.905 * (time - 0.5) ** 2
+    assert not feet_down(robot, places, time, 0.0)[20:-20].any()
 
 
 def test_missing_markers_are_named() -> None:

@@ -37,11 +37,19 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
     ``soles``: placements of the sole frames (n, 4, 4), of a smooth motion.
     """
     corners = sole_corners(robot, soles)  # (n, f, k, 3)
-    speed = np.linalg.norm(np.gradient(corners, time, axis=0), axis=3)
+    speeds = np.linalg.norm(np.gradient(corners, time, axis=0), axis=3)
     lowest = corners[..., 2].argmin(axis=2)[..., None]
-    low = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height < MAX_HEIGHT
-    slow = np.take_along_axis(speed, lowest, axis=2)[..., 0] < MAX_SPEED
-    down = low & slow
+    above = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height
+    speed = np.take_along_axis(speeds, lowest, axis=2)[..., 0]
+    down = (above < MAX_HEIGHT) & (speed < MAX_SPEED)
+    # Of a recording that drifts the ground rises by some cm: a foot that rests there while no other
+    # one is down stands, since in the air none rests.
+    resting = (above < MAX_LEVEL_DIFFERENCE) & (speed < MAX_ANKLE_SPEED)
+    carried = np.asarray(down.any(axis=1))
+    for flags, rests in zip(down.T, resting.T, strict=True):
+        for first, end in runs(rests):
+            if time[end - 1] - time[first] > MIN_REST and not carried[first:end].all():
+                flags[first:end] = True
     for flags in down.T:
         for value in (False, True):  # short gaps first, then short contacts
             for first, end in runs(flags == value):
