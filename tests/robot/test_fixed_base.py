@@ -196,3 +196,14 @@ def test_key_frame_that_is_off_an_equality_constraint_is_noted() -> None:
     tail += '<keyframe><key name="bent" qpos="0 0 1 1 0 0 0 .3 .5"/></keyframe>'
     robot = Robot.load(mjcf.text(mjcf.arm() + second, tail=tail))
     assert [note[-20:] for note in robot.notes if "'bent'" in note] == [" j2 at -0.5, not 0.5"]
+
+
+def test_a_point_mass_on_a_rail_loads() -> None:
+    """Its inertia about its own place is 0, of which no difference is a part."""
+    joint = urdf.joint("x", "world", "mass", kind="prismatic", axis="1 0 0")
+    robot = Robot.load(urdf.robot("r", '<link name="world"/>', urdf.link("mass", moment=0), joint))
+    q = np.append(robot.posture()[:7], 0.5)
+    s = robot.snapshot(q)
+    np.testing.assert_allclose(s.com, (0.5, 0, 0))
+    np.testing.assert_allclose(s.inertia, 0.0, atol=1e-15)
+    np.testing.assert_allclose(s.mass_matrix[6:, 6:], 1.0)

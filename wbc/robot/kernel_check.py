@@ -20,7 +20,8 @@ STEP = 1e-3  # s between these
 # Central differences of sixth order (Fornberg 1988): weights 1, 2 and 3 steps away.
 _FIRST = np.array([3 / 4, -3 / 20, 1 / 60]) / STEP
 _SECOND = np.array([3 / 2, -3 / 20, 1 / 90]) / STEP**2
-# Smaller quantities are compared relative to this: a ball's inertia changes by rounding only.
+# Smaller quantities are compared relative to this: a ball's inertia changes by rounding only, a
+# point's is 0.
 LEAST_SCALE = 1e-4
 
 
@@ -112,7 +113,7 @@ def disagreement_of_rates(tree: NativeTree) -> float:
             (motion.drift("inertia_rate"), first),
             (motion.drift("inertia_curvature"), second),
         ):
-            size = max(np.abs(here).max(), np.abs(theirs).max())
+            size = max(np.abs(here).max(), np.abs(theirs).max(), LEAST_SCALE)
             worst = float(np.maximum(worst, np.abs(ours - theirs).max() / size))  # keeps NaN
     return worst
 
