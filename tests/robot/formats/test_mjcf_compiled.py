@@ -514,7 +514,6 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
     robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
     assert robot.joint_names == ("end:x", "end:y", "end:z")
     assert any("ball joints are three hinges each" in note for note in robot.notes)
-    np.testing.assert_allclose(robot.limits.upper, 1.0)
     q = robot.postures["neutral"].copy()
     straight, turns = robot.snapshot(q).rotation("rod"), []
     for signs in ((1, 1, 1), (1, 1, -1), (1, -1, 1), (-1, 1, 1)):
@@ -522,7 +521,11 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
         turned_by = straight.T @ robot.snapshot(q).rotation("rod")
         turns.append(np.arccos(0.5 * np.trace(turned_by) - 0.5))
     said = f"which turn it by more together: end by {max(turns):.3g} rad, not 1"
-    assert any(said in note for note in robot.notes)
+    in_degrees = content.replace('range="0 1"', f'range="0 {np.rad2deg(1.0)}"')
+    in_degrees = in_degrees.replace('angle="radian"', 'angle="degree"')
+    for one in (robot, Robot.load(in_degrees)):
+        assert any(said in note for note in one.notes)
+        np.testing.assert_allclose(one.limits.upper, 1.0)
     np.testing.assert_allclose(robot.damping, 0.3)
     s, data = robot.snapshot(robot.postures["bent"]), forward(model, 0)
     assert_placed(s, data, "rod", atol=1e-9)

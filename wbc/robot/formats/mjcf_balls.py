@@ -41,7 +41,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     names, wider = [], []
     for (body, joint), k in zip(balls, ids, strict=True):
         names.append(str(joint.name) or f"{body.name}_joint")
-        reach = float(joint.range[1])
+        reach = float(model.jnt_range[k, 1])
         if model.jnt_limited[k] and 0.0 < reach < np.pi:
             wider.append(f"{names[-1]} by {_combined_angle(reach):.3g} rad, not {reach:.3g}")
         for letter, axis in zip("xyz", np.eye(3), strict=True):
@@ -55,7 +55,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
                 hinge.stiffness = _with_first(joint.stiffness, model.jnt_stiffness[k])
                 damping = model.dof_damping[model.jnt_dofadr[k]]
                 hinge.damping = _with_first(joint.damping, damping)
-            hinge.range = (-reach, reach)
+            hinge.range = (-joint.range[1], joint.range[1])  # in the file's units
         delete_from(spec, joint)  # last: what it hands out are views of it
     motor_notes = _move_motors(mujoco, spec, names)
     for key, qpos in zip(spec.keys, kept, strict=True):
