@@ -5,6 +5,7 @@ import pytest
 
 from tests.robot.formats.mjcf_texts import INERTIAL, TRUNK, arm, assert_agree, load, mujoco, text
 from wbc.errors import ModelError
+from wbc.robot import Robot
 from wbc.simulation import Plant
 
 SPRUNG = {
@@ -38,6 +39,20 @@ def test_passive_forces_are_mujocos_in_the_robot_and_in_the_plant(case: str, gra
         wanted[:3] = robot.snapshot(q).rotation("base").T @ wanted[:3]
         np.testing.assert_allclose(robot.passive_forces(q, v), wanted, atol=1e-11)
         np.testing.assert_allclose(plant.data.qacc, data.qacc, rtol=1e-9, atol=1e-9)
+
+
+def test_springs_that_give_way_and_contacts_that_pull_or_move_are_told() -> None:
+    if not hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "jnt_springyield"):
+        pytest.skip("an older MuJoCo")
+    geom = '<geom name="pad" size=".1" mass="0" adhesion="9" surfacevel="1 0 0 0 0 0"/>'
+    ball = '<body name="b"><joint name="j2" type="ball" stiffness="5" springyield=".2"/>'
+    rest = geom + ball + INERTIAL.format(1) + "</body>"
+    robot = Robot.load(text(arm('stiffness="50" springyield=".1"', rest)), feet={})
+    told = "springs that give way (springyield) are taken for elastic ones: j1, j2:x, j2:y, j2:z"
+    assert told in robot.notes
+    assert "adhesion and moving surfaces (surfacevel) are not used: pad" in robot.notes
+    plain = Robot.load(text(arm('stiffness="50"')), feet={})
+    assert not any("give way" in note or "adhesion" in note for note in plain.notes)
 
 
 def test_switched_off_physics_does_not_act() -> None:

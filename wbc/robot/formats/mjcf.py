@@ -123,6 +123,9 @@ def _other_notes(part: RobotPart, tree: pin.Model, passive: PassiveForces) -> tu
     names, model, lifted = part.names, part.model, [lift.frame for lift in passive.lifts]
     by_motors = [names.joints[joint] for joint in part.joints if model.jnt_actgravcomp[joint]]
     notes = noted("springs act on {} (robot.passive_forces)", passive.springs)
+    yielding = getattr(model, "jnt_springyield", np.zeros(model.njnt))  # newer MuJoCo's
+    given_way = [name for name in passive.springs if yielding[names.joints.index(name)]]
+    notes += noted("springs that give way (springyield) are taken for elastic ones: {}", given_way)
     notes += noted("gravity is compensated on {} (robot.passive_forces)", lifted)
     notes += noted(
         "what the motors of {} give for that does not count against their effort limits",

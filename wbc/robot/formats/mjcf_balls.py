@@ -15,7 +15,10 @@ from wbc.robot.notes import noted
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
-COPIED = ("pos", "damping", "armature", "frictionloss", "stiffness", "limited", "actgravcomp")
+COPIED = (
+    *("pos", "damping", "armature", "frictionloss", "stiffness", "limited", "actgravcomp"),
+    "springyield",  # newer MuJoCo's
+)
 # What a class may give hinges, and no ball heeds.
 OF_HINGES = {"ref": 0.0, "springref": 0.0, "springdamper": (0.0, 0.0), "actfrclimited": 0}
 
@@ -48,7 +51,8 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
             hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
             hinge.type = mujoco.mjtJoint.mjJNT_HINGE
             for name in COPIED:
-                setattr(hinge, name, getattr(joint, name))
+                if hasattr(joint, name):
+                    setattr(hinge, name, getattr(joint, name))
             for name, value in OF_HINGES.items():
                 setattr(hinge, name, value)
             if any(joint.springdamper):  # from which the compiler made both

@@ -19,6 +19,7 @@ from wbc.robot.notes import noted
 from wbc.validate import Array
 
 SHOWN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn; those above are for contacts only
+UNUSED = ("geom_adhesion", "geom_surfacevel")  # of contacts in newer MuJoCo
 _DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what is given none
 
 
@@ -137,6 +138,13 @@ def read_shapes(
     meshes = tuple(_triangles(model, mesh) for mesh in used)
     notes = noted("shapes left out, as only the ground has such: {}", unknown, 3)
     notes += noted("shapes of the world, which are no part of the robot, left out: {}", scenery, 3)
+    unlike = [
+        names.geoms[geom]
+        for geom in range(model.ngeom)
+        if int(model.geom_bodyid[geom]) in {0, *mine}
+        and any(np.any(getattr(model, field)[geom]) for field in UNUSED if hasattr(model, field))
+    ]
+    notes += noted("adhesion and moving surfaces (surfacevel) are not used: {}", unlike)
     return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
 
 
