@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.robot.limits import UNLIMITED
 from wbc.robot.notes import noted
+from wbc.validate import Array
 
 FREE_FLYER, BALL = "JointModelFreeFlyer", "JointModelSpherical"
 SINGLE_AXIS = frozenset(
@@ -128,18 +129,14 @@ def _oversized_links(model: pin.Model) -> tuple[str, ...]:
     """Note links whose inertia implies a size larger than the robot's, as 1 kg m^2 by default.
 
     Their radius of gyration is compared with the largest distance between joints or centres of mass
-    in the neutral posture.
+    in the neutral posture; of few joints, with that of the largest robot.
     """
-    if model.njoints <= FEW_JOINTS + 2:  # besides the universe and the root
-        return ()
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    bodies = list(zip(data.oMi, model.inertias, strict=True))[1:]
-    places = np.array([p for at, body in bodies for p in (at.translation, at.act(body.lever))])
-    size = 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+    places, size = _places(model), LARGEST_SIZE
+    if model.njoints > FEW_JOINTS + 2:  # besides the universe and the root
+        size = 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
     links = [
         link_of(model, joint)
-        for joint, (_, body) in enumerate(bodies, 1)
+        for joint, body in enumerate(list(model.inertias)[1:], 1)
         if body.mass > 0.0 and np.linalg.eigvalsh(body.inertia)[2] > body.mass * size**2
     ]
     return noted(
@@ -150,15 +147,24 @@ def _oversized_links(model: pin.Model) -> tuple[str, ...]:
     )
 
 
-def _unit_notes(model: pin.Model) -> tuple[str, ...]:
-    """Note implausible sizes, as of files in millimetres, grams or degrees."""
+def _places(model: pin.Model) -> Array:
+    """Return where joints and the centres of mass of what they carry are in the neutral posture."""
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    size = float(np.ptp(np.array([at.translation for at in list(data.oMi)[1:]]), axis=0).max())
+    bodies = list(zip(data.oMi, model.inertias, strict=True))[1:]
+    return np.array([p for at, body in bodies for p in (at.translation, at.act(body.lever))])
+
+
+def _unit_notes(model: pin.Model) -> tuple[str, ...]:
+    """Note implausible sizes, as of files in millimetres, grams or degrees."""
+    size = float(np.ptp(_places(model), axis=0).max())
     mass = float(pin.computeTotalMass(model))
     notes = []
     if size > LARGEST_SIZE:
-        notes.append(f"its joints are up to {size:.3g} m apart: are lengths in millimetres?")
+        notes.append(
+            f"its joints and centres of mass are up to {size:.3g} m apart: are lengths in"
+            " millimetres?"
+        )
     if mass > LARGEST_MASS:
         notes.append(f"it weighs {mass:.3g} kg: are masses in grams?")
     turning = [

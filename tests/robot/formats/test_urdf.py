@@ -152,6 +152,8 @@ def test_placeholders_for_inertias_are_noted() -> None:
     parts += [joint(f"j{k}", names[k], names[k + 1]) for k in range(7)]
     (note,) = floating(toy(*parts)).notes
     assert "larger than the whole robot" in note and ": c, g;" in note
+    few = floating(toy(link("base"), link("arm", 1, 1e4), joint("j", "base", "arm"))).notes
+    assert len(few) == 1 and "larger than the whole robot" in few[0] and ": arm;" in few[0]
 
 
 @pytest.mark.parametrize(
@@ -159,6 +161,7 @@ def test_placeholders_for_inertias_are_noted() -> None:
     [
         ("", "", ""),
         ('xyz="0 0 -0.2"', 'xyz="0 0 -200"', "m apart: are lengths in millimetres?"),
+        ('xyz="0 0 -0.1"', 'xyz="0 0 -100"', "m apart: are lengths in millimetres?"),  # the CoM
         ('mass value="1"', 'mass value="2000"', "kg: are masses in grams?"),
         ('lower="-1" upper="2"', 'lower="-57" upper="115"', "turn by 115 rad and more: are limits"),
         ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"', ""),  # none
