@@ -10,8 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import wbc
 from tests import urdf
 from tests.robot.formats.mjcf_texts import assert_agree, mujoco
+from wbc.cli.errors import missing_limits
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, WbcError
 from wbc.robot import JointLimits, Robot
 
@@ -236,3 +238,16 @@ def test_limits_cannot_be_changed(hoap2: Robot) -> None:
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 0.0
     np.testing.assert_array_equal(copied.upper, limits.upper)
+
+
+def test_joints_that_follow_others_need_no_effort(caplog: pytest.LogCaptureFixture) -> None:
+    """They have no motor, at either level: their torque is 0, which no limit bounds."""
+    bare = {"limit": urdf.limit().replace('effort="10"', 'effort="0"')}
+    follower = urdf.joint("k", "b", "c", '<mimic joint="j"/>', **bare)
+    links = (urdf.link(name, at="0 0 -0.1") for name in "abc")
+    robot = Robot.load(urdf.robot("r", *links, urdf.joint("j", "a", "b"), follower), base="fixed")
+    assert robot.limits.without_effort == ("k",) and missing_limits(robot) == ""
+    s = robot.snapshot(robot.posture(joints={"j": 0.3}))
+    torque = wbc.TorqueController(robot, [wbc.PostureTask(robot, s.q)]).step(s).torque
+    assert abs(torque[0]) > 1.0 and abs(torque[1]) < 1e-12
+    assert "effort" not in caplog.text

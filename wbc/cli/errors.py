@@ -112,7 +112,7 @@ def missing_limits(robot: Robot) -> str:
     joints: dict[str, list[str]] = {}
     for entry in robot.limits.missing:  # such as "left_knee: velocity"
         name, _, kind = entry.rpartition(": ")
-        if kind == "effort" and name in robot.unactuated:
+        if kind == "effort" and name in robot.motorless:
             continue  # it has no motor
         joints.setdefault(kind, []).append(name)
     told = []

@@ -116,7 +116,7 @@ def scaled_effort(robot: Robot, factor: float | None) -> Array:
 
 
 def _warn_unbounded(robot: Robot) -> None:
-    without = [name for name in robot.limits.without_effort if name not in robot.unactuated]
+    without = [name for name in robot.limits.without_effort if name not in robot.motorless]
     if without:
         logging.getLogger(__name__).warning(
             "controller: %s has no effort limit for %s; torques are not bounded there: give"
