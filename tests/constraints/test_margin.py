@@ -379,3 +379,30 @@ def test_a_margin_is_recovered_against_a_task_that_pulls_inwards(hoap2) -> None:
         v = controller.step(hoap2.snapshot(q, v)).velocity
         q = hoap2.integrate(q, v, DT)
     assert hoap2.snapshot(q).position("left_hand_link")[0] < hand[0] - 0.02 + 1e-4
+
+
+BAR = """<mujoco><compiler angle="radian"/><worldbody><body name="bar">
+<joint name="hinge" axis="0 1 0" range="-3 0"/>
+<geom type="capsule" size="0.01" fromto="0 0 0 0.5 0 0" mass="1"/><site name="tip" pos="0.5 0 0"/>
+</body></worldbody><actuator><motor joint="hinge"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("slow", "outside"), [(0.02, 0.0), (None, 1e-3)])
+def test_a_slow_recovery_does_not_hold_a_faster_one_back(tmp_path, slow, outside: float) -> None:
+    """A slower box, or a joint that is a millimetre outside: the tip came with 0.06 or 0.04 m/s."""
+    (tmp_path / "bar.xml").write_text(BAR)
+    robot, free = Robot.load(tmp_path / "bar.xml"), np.full(3, np.inf)
+    turned = np.r_[np.zeros(6), outside]
+    here = robot.snapshot(robot.integrate(robot.posture("neutral"), turned, 1.0))
+    above = [*-free[:2], here.position("tip")[2] + 0.05]
+    boxes = [PositionBox(robot, "tip", above, free)]
+    if slow is not None:
+        law = BrakingParameters(recovery_speed=slow)
+        boxes.append(PositionBox(robot, "tip", above, free, braking=law))
+        boxes[1].name = "slow"
+    tasks, limits = [PostureTask(robot, here.q, weight=0.01)], Limits(robot)
+    controller = KinematicController(
+        robot, tasks, contacts=(), limits=limits, constraints=boxes, dt=DT
+    )
+    up = here.jacobian("tip")[2] @ controller.step(here).velocity
+    assert up == pytest.approx(0.1, rel=0.01)

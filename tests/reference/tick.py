@@ -32,6 +32,7 @@ from tests.reference.state import Array, State
 from tests.reference.tasks import Contact, Rows, Task, rows_of
 
 OUTWEIGHS, IDLE, FLATTEST = 1e4, 1e-6, 1e-5  # recovery by the heaviest row; least curvature
+SHORT = 0.05  # m: joints recover little by shorter levers
 SCALES = (1.0, 0.25, 0.0625, 0.0)  # of a step that would end inside a margin, velocity level
 
 
@@ -87,7 +88,7 @@ def tick(model: pin.Model, q: Array, v: Array, parts: Parts) -> tuple[Array, Arr
         recovery = [*recovery, *push]
     heaviest = max(float(np.max(c.weight**2 * (c.J**2).sum(axis=1))) for c in first)
     weight = np.sqrt(OUTWEIGHS * max(heaviest, IDLE))
-    recovery = [one._replace(weight=weight) for one in recovery]
+    recovery = [one._replace(weight=weight) for one in agreeing(recovery)]
 
     # Physics: no forces at the base, bounded torques, corner forces in their cones.
     rest, damping = np.zeros(n), np.full(n, 1e-6)
@@ -116,6 +117,18 @@ def tick(model: pin.Model, q: Array, v: Array, parts: Parts) -> tuple[Array, Arr
         if not parts.pairs or cutting_planes(state, scale * x, parts.pairs, dt) is None:
             return scale * x, None
     return 0.0 * x, None
+
+
+def agreeing(recovery: list[Cost]) -> list[Cost]:
+    """None is asked to leave more slowly than the joints move it that recover another one."""
+    if not recovery:
+        return []
+    J, target = (np.concatenate([one[k] for one in recovery]) for k in range(2))
+    sign = np.where(target < 0.0, -1.0, 1.0) * (np.abs(J).sum(axis=1) == 1.0)  # of joints
+    sign[sign == 0.0] = 1.0
+    rate, joints = sign * target, sign[:, None] * J[:, 6:]
+    moved = joints @ joints.T * rate / (np.square(joints).sum(axis=1) + SHORT**2)
+    return [Cost(J, sign * np.maximum(rate, np.where(rate > 0.0, moved, -np.inf).max(axis=1)), 1.0)]
 
 
 def driven(task: Task, rows: Rows, v: Array, parts: Parts) -> Cost:

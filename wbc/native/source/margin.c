@@ -104,21 +104,21 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     return DONE;
 }
 
-void recover_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp) {
+int recovers_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp, int64_t k, const double **row,
+                    double *rate) {
     const wbc_margin *margin = plan->margin;
     const int64_t nv = plan->tree->nv;
-    for (int64_t i = 0; i < margin->rows; i++) {
-        const double *row = qp->C + (first_row(plan, qp) + i) * qp->n;
-        double out = approach(margin, nv, plan->dt, row, qp->clearance[i]);
-        if (out <= 0.0) continue;
-        if (plan->torque) {
-            const double change = wbc_margin_leaving * sqrt(dot(nv - 6, row + 6, row + 6)) * plan->dt;
-            const double rate = dot(nv, row, v), reach = rate + wbc_margin_braking * plan->dt;
-            out = smaller(out, smaller(reach, (rate > 0.0 ? rate : 0.0) + change));
-            if (out < rate - change) out = rate - change;
-        }
-        add_dominating_row(plan, row, out, 1.0, qp);
+    *row = qp->C + (first_row(plan, qp) + k) * qp->n;
+    double out = approach(margin, nv, plan->dt, *row, qp->clearance[k]);
+    if (out <= 0.0) return 0;
+    if (plan->torque) {
+        const double change = wbc_margin_leaving * sqrt(dot(nv - 6, *row + 6, *row + 6)) * plan->dt;
+        const double now = dot(nv, *row, v), reach = now + wbc_margin_braking * plan->dt;
+        out = smaller(out, smaller(reach, (now > 0.0 ? now : 0.0) + change));
+        if (out < now - change) out = now - change;
     }
+    *rate = out;
+    return 1;
 }
 
 /* How far each joint turns at most over a step: sums from the world outwards. */

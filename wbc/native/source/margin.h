@@ -24,8 +24,9 @@ static inline int64_t margin_rows(const wbc_plan *plan) { return plan->margin ? 
 
 /* Write the margin's rows behind all others. Returns DONE, or why Python has to take over. */
 int add_margin(const wbc_plan *plan, const double *state, const double *v, double *scratch, const wbc_qp *qp);
-/* Add the costs that recover violations of these rows to the upper half of P and to g. */
-void recover_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp);
+/* Whether the margin's row k is violated; writes where it is, and the least rate that recovers it. */
+int recovers_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp, int64_t k, const double **row,
+                    double *rate);
 
 /* Whether the solution leads from q, where the velocity was v, into the margin, or to where distances are unknown;
  * plan->state is overwritten. scratch holds 3 nv + 4 joints + 7 numbers a row and that of wbc_measure, pairs one

@@ -17,6 +17,7 @@ static const double AT_LIMIT = 1e-9, FAR = 1e12;
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
 /* Recovery outweighs the tasks by this squared factor; the heaviest task counts as IDLE at least. */
 static const double RECOVERY_FACTOR = 1e4, IDLE = 1e-6;
+static const double SHORT_LEVER = 0.05; /* m: joints recover little by shorter ones, which would take any speed */
 const double wbc_largest_qp = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
@@ -111,38 +112,66 @@ static double dominating_weight(const wbc_qp *qp) {
     return RECOVERY_FACTOR * (*qp->heaviest > IDLE ? *qp->heaviest : IDLE);
 }
 
-void add_dominating_row(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp) {
-    const int64_t nv = plan->tree->nv, n = qp->n;
-    const double size = dominating_weight(qp) * weight * weight;
-    for (int64_t i = 0; i < nv; i++) {
-        if (row[i] == 0.0) continue;
-        for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * row[i] * row[j];
-        qp->g[i] -= size * rate * row[i];
+/* What is violated asks its row, or a joint (row 0), for at least a rate in a direction. */
+typedef struct {
+    const double *row;
+    int64_t joint;
+    double direction, rate, weight;
+} recovery;
+
+/* Writes the recovery k of all: margins between bodies, those given by Python, joints outside. 0: nothing to do. */
+static int find_recovery(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp, int64_t k,
+                         recovery *found) {
+    const int64_t nv = plan->tree->nv, between = margin_rows(plan), joint = k - between - plan->pushes;
+    found->joint = 0, found->direction = found->weight = 1.0;
+    if (k < between) return recovers_margin(plan, v, qp, k, &found->row, &found->rate);
+    if (joint < 0) {
+        const double *target = plan->push + plan->pushes * nv + k - between;
+        found->row = plan->push + (k - between) * nv, found->rate = target[0], found->weight = target[plan->pushes];
+        return 1;
     }
+    const double *lo = plan->limit, *up = lo + nv - 6, *speed = up + nv - 6;
+    const double position = joint_position(plan, q, joint);
+    const double below = lo[joint] - position, above = position - up[joint], outside = above > below ? above : below;
+    const double rate = plan->recovery / plan->dt * outside;
+    found->row = 0, found->joint = joint, found->direction = above > below ? -1.0 : 1.0;
+    found->rate = rate > speed[joint] ? speed[joint] : rate;
+    return outside > AT_LIMIT;
 }
 
-/* Joints outside their limits are moved back, by costs that outweigh the tasks. */
-static void recover_limits(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
-    const int64_t n = plan->tree->nv - 6;
-    const double *lo = plan->limit, *up = lo + n, *speed = up + n;
-    for (int64_t k = 0; k < n; k++) {
-        const double position = joint_position(plan, q, k), weight = dominating_weight(qp);
-        const double below = position - lo[k], above = position - up[k];
-        const double outside = below < -AT_LIMIT ? below : above > AT_LIMIT ? above : 0.0;
-        if (outside == 0.0) continue;
-        double rate = -plan->recovery / plan->dt * outside;
-        rate = rate > speed[k] ? speed[k] : rate < -speed[k] ? -speed[k] : rate;
-        qp->P[(6 + k) * (qp->n + 1)] += weight;
-        qp->g[6 + k] -= weight * rate;
-    }
+/* Over the joints: whether contacts let the base move is not known here. */
+static double product(int64_t nv, const recovery *a, const recovery *b) {
+    if (a->row && b->row) return dot(nv - 6, a->row + 6, b->row + 6);
+    if (a->row) return b->direction * a->row[6 + b->joint];
+    return b->row ? a->direction * b->row[6 + a->joint] : a->joint == b->joint;
 }
 
+/* Costs that outweigh the tasks. Where the joints that recover one violation move another one faster than it asks
+ * for, it asks for that, so that the slower does not hold the faster back. */
 void recover(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
-    const double *target = plan->push + plan->pushes * plan->tree->nv, *weight = target + plan->pushes;
-    if (plan->margin) recover_margin(plan, v, qp);
-    for (int64_t r = 0; r < plan->pushes; r++)
-        add_dominating_row(plan, plan->push + r * plan->tree->nv, target[r], weight[r], qp);
-    if (plan->limited && !plan->torque) recover_limits(plan, q, qp);
+    const int64_t nv = plan->tree->nv, n = qp->n, joints = plan->limited && !plan->torque ? nv - 6 : 0;
+    const int64_t all = margin_rows(plan) + plan->pushes + joints;
+    for (int64_t k = 0; k < all; k++) {
+        recovery own, other;
+        if (!find_recovery(plan, q, v, qp, k, &own)) continue;
+        double rate = own.rate;
+        for (int64_t l = 0; l < all; l++) {
+            if (l == k || !find_recovery(plan, q, v, qp, l, &other) || other.rate <= 0.0) continue;
+            const double size = product(nv, &other, &other) + SHORT_LEVER * SHORT_LEVER,
+                         shared = other.rate * product(nv, &own, &other);
+            if (shared > rate * size) rate = shared / size;
+        }
+        const double size = dominating_weight(qp) * own.weight * own.weight;
+        if (!own.row) {
+            qp->P[(6 + own.joint) * (n + 1)] += size;
+            qp->g[6 + own.joint] -= size * own.direction * rate;
+        }
+        for (int64_t i = 0; own.row && i < nv; i++) {
+            if (own.row[i] == 0.0) continue;
+            for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * own.row[i] * own.row[j];
+            qp->g[i] -= size * rate * own.row[i];
+        }
+    }
 }
 
 /* The box on v+ of wbc.constraints.Limits: speeds from which a joint still stops, and accelerations (of braking,

@@ -17,9 +17,7 @@ static inline double stopping_speed(double distance, double deceleration, double
 /* The parts of the QP lie behind each other in plan->out; wbc_layout says where. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
-/* Add a cost that outweighs the tasks: a row (nv) should have a rate; weight: by that of others of its kind. */
-void add_dominating_row(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp);
-/* Add such costs for violated margins and joints outside their limits: to each level, or a lower one undoes them. */
+/* Add costs for violated margins and joints outside their limits: to each level, or a lower one undoes them. */
 void recover(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp);
 
 /* Of any level's QP: physics and contacts, and what the levels above achieve. */
