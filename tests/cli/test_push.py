@@ -72,7 +72,11 @@ def test_pushes_of_an_output_are_not_tried_again(
     assert first.exit_code == 0 and len(tried) == 4  # those of the larger grid
     again = run(tmp_path, *GRID, "-o", place)
     assert again.exit_code == 0 and len(tried) == 4 and place.read_bytes() == before
-    assert f"r.{ending} has 4 pushes already; delete it" in " ".join(again.stderr.split())
+    assert f"r.{ending} has 4 pushes of this grid already;" in " ".join(again.stderr.split())
+    smaller = run(tmp_path, *once, "-o", place)
+    assert "has 2 pushes of this grid and 2 beside it already" in " ".join(smaller.stderr.split())
+    assert run(tmp_path, *GRID, "-o", place).exit_code == 0 and len(tried) == 4  # none was lost
+    assert place.read_bytes() == before
     other = run(tmp_path, *once, "-o", place, "--duration", 0.05)  # not those of another push
     assert other.exit_code == 0 and len(tried) == 6
     place.write_bytes(b"[]")

@@ -151,12 +151,15 @@ def _campaign(
         if log.entries and not quiet:
             typer.echo(f"goes on with what is in {kept}, pushes: {len(log.entries)}", err=True)
         for each in output:
-            count = 0
-            for name, outcomes in saved_outcomes(each, made_of).items():
+            saved = saved_outcomes(each, made_of)
+            for name, outcomes in saved.items():
                 log.known.setdefault(name, []).extend(outcomes)
-                count += len(outcomes)
-            if count and not quiet:
-                typer.echo(f"{each} has {count} pushes already; delete it to begin anew", err=True)
+            keys = [outcome.key for outcomes in saved.values() for outcome in outcomes]
+            if keys and not quiet:
+                own = sum(one in grid.keys for one in keys)
+                others = f" and {len(keys) - own} beside it" if own < len(keys) else ""
+                told = f"{each} has {own} pushes of this grid{others} already"
+                typer.echo(f"{told}; delete it to begin anew", err=True)
         maps, interrupts = _push_all(names, loads, pushed, grid, workers, log, quiet)
         outputs = Outputs()
         if not interrupts():
@@ -245,7 +248,9 @@ def _push_all(
                 cancelled=interrupts,
             )
             theory = one.bounds(grid.angles), one.bounds(compass_angles(OUTLINE))
-            maps.append(PushMap(name, one.robot.name, grid, outcomes, *theory))
+            earlier = {push.key: push for push in log.known.get(name, ())}
+            beside = [push for place, push in earlier.items() if place not in grid.keys]
+            maps.append(PushMap(name, one.robot.name, grid, outcomes, *theory, beside))
     return maps, interrupts
 
 

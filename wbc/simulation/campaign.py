@@ -118,10 +118,16 @@ class PushGrid:
         """Of the directions (n,) [rad]."""
         return compass_angles(self.directions)
 
+    @cached_property
+    def keys(self) -> frozenset[tuple[float, float]]:
+        """Of its pushes; see :func:`key`."""
+        ratios = np.asarray(self.ratios).tolist()
+        return frozenset(key(angle, ratio) for angle in self.angles.tolist() for ratio in ratios)
+
     @property
     def size(self) -> int:
         """Largest number of pushes."""
-        return self.directions * np.size(self.ratios)
+        return len(self.keys)
 
     def next_ratio(self, angle: float, found: Mapping[tuple[float, float], PushOutcome]) -> float:
         """Return the next ratio to try in a direction; infinite if it is done."""
@@ -192,8 +198,7 @@ def run_campaign(
         time that it is tried.
     """
     size = whole_number("campaign, workers", workers, least=1)
-    grid_keys = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
-    found = {push.key: push for push in known if push.key in grid_keys}
+    found = {push.key: push for push in known if push.key in grid.keys}
     is_cancelled = cancelled or (lambda: False)
     report = progress or (lambda done, total, info: None)
     if any(math.isfinite(grid.next_ratio(angle, found)) for angle in grid.angles.tolist()):

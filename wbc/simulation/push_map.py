@@ -36,6 +36,8 @@ class PushMap:
         Theoretical, by direction.
     outline:
         The same by finer directions, for pictures.
+    beside:
+        Earlier outcomes of pushes outside the grid, which a file keeps.
     """
 
     name: str
@@ -44,6 +46,7 @@ class PushMap:
     outcomes: Sequence[PushOutcome]
     bounds: PushBounds
     outline: PushBounds
+    beside: Sequence[PushOutcome] = ()
 
     @cached_property
     def complete(self) -> bool:
@@ -150,7 +153,7 @@ class PushMap:
             "omega": bounds.omega,
             "reaction_mass": bounds.reaction_mass,
             "directions": directions,
-            "outcomes": [one._asdict() for one in self.outcomes],
+            "outcomes": [one._asdict() for one in sorted((*self.outcomes, *self.beside))],
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
