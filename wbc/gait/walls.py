@@ -34,7 +34,7 @@ class Wall:
     normal:
         (3,) out of the face; any length, then of unit length.
     size:
-        Width and height (2,) [m]; a rail is a low one.
+        Width and height (2,) [m], by default 4 x 2; a rail is a low one.
     friction:
         Coefficient of friction; a hand leans on no wall that has none.
     """

@@ -13,23 +13,9 @@ from wbc.gait.walls import Hand, Wall
 from wbc.problem.section import Distinct, KeysOf, Names, Point, Positive, Section, Two, default_of
 from wbc.robot import Snapshot
 
-
-class WallSpec(Section):
-    """A plate beside the robot, or a rail."""
-
-    point: Point
-    """Middle of its face [m], world axes."""
-    normal: Point
-    """Out of its face, towards the robot; its length does not matter."""
-    size: Two[Positive] = default_of(Wall, "size")
-    """Width and height of the face [m]."""
-    friction: Positive = default_of(Wall, "friction")
-    """Coefficient of friction."""
-
-    def wall(self, friction: float | None = None) -> Wall:
-        """Return the wall, with its own friction or the assumed one."""
-        own = self.friction if friction is None else friction
-        return Wall(self.point, self.normal, self.size, own)
+WallKeys = Annotated[
+    dict[str, Any], KeysOf(Wall, point=Point, normal=Point, size=Two[Positive], friction=Positive)
+]
 
 
 class HandsSpec(Section):
@@ -53,7 +39,7 @@ class HandsSpec(Section):
         self,
         controller: TorqueController,
         start: Snapshot,
-        walls: tuple[WallSpec, ...],
+        walls: tuple[dict[str, Any], ...],
         friction: float,
     ) -> HandSupport:
         """Return the support by the hands; ``friction`` is that of other contacts.
@@ -61,5 +47,5 @@ class HandsSpec(Section):
         Raises WbcError: no walls, no arms, or walls out of reach.
         """
         counted = friction if self.friction is None else self.friction
-        made = [wall.wall(counted) for wall in walls]
+        made = [Wall(**wall | {"friction": counted}) for wall in walls]
         return HandSupport(controller, start, self.hands, made, LeanSettings(**self.settings))

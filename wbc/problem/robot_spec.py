@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from wbc.problem.section import (
     Forms,
     Fraction,
     JointNumbers,
+    KeysOf,
     ListOf,
     Name,
     Names,
@@ -28,6 +29,7 @@ from wbc.problem.section import (
     PositiveOrInfinite,
     Section,
     Three,
+    Two,
     Words,
     default_of,
 )
@@ -37,25 +39,11 @@ from wbc.robot.library import is_file_name
 from wbc.robot.loops import KINDS
 from wbc.validate import Array
 
-
-class FootSection(Section):
-    """A foot: the link that stands on the ground, and its sole."""
-
-    link: Name
-    """The foot's link, or any frame fixed to it."""
-    polygon: Annotated[ListOf[Pair], Field(min_length=3)] | None = None
-    """Corners [x, y] of the sole [m] in that frame; found from the collision shapes if missing."""
-    height: Number = default_of(FootSpec, "height")
-    """How far the frame's origin is above the sole [m]; used with polygon only."""
-
-
-class LoopSection(Section):
-    """A closed loop: two frames, on different links, that are one."""
-
-    frames: Annotated[ListOf[Name], Field(min_length=2, max_length=2)]
-    """The one that is held, and the one that it is held at."""
-    kind: Annotated[str, Words(KINDS)] = default_of(Loop, "kind")
-    """point: their origins meet; pose: their axes too."""
+Polygon = Annotated[ListOf[Pair], Field(min_length=3)]
+FootKeys = Annotated[dict[str, Any], KeysOf(FootSpec, link=Name, polygon=Polygon, height=Number)]
+LoopKeys = Annotated[
+    dict[str, Any], KeysOf(Loop, frames=Two[Name], kind=Annotated[str, Words(KINDS)])
+]
 
 
 class PayloadSection(Section):
@@ -81,7 +69,7 @@ class RobotSpec(Section):
     """A name that `wbc robots` lists, or a .urdf or .xml file, relative to this file."""
     locked: dict[Name, Number] = Field(default_factory=dict)
     """Joints to hold rigid, by name or pattern, and their values [rad or m]."""
-    feet: dict[Name, FootSection] | None = None
+    feet: dict[Name, FootKeys] | None = None
     """The feet by name (left, right, ...); guessed from the names of the links if missing."""
     base: Literal["floating", "fixed"] | None = None
     """fixed: bolted to the world; left out: fixed if there are no feet and the root link is called
@@ -101,7 +89,7 @@ class RobotSpec(Section):
     """Dry friction of the joints [N m or N], likewise."""
     effort: PositiveJointNumbers | None = None
     """Largest torque [N m] or force [N] of the joints, likewise."""
-    loops: dict[Name, LoopSection] | None = None
+    loops: dict[Name, LoopKeys] | None = None
     """Closed loops by name, besides those of an MJCF."""
     unactuated: Names | None = None
     """Joints without a motor, by name or pattern; left out: those that no motor of an MJCF with
@@ -115,11 +103,10 @@ class RobotSpec(Section):
 
         Raises WbcError: no such robot, or one that cannot be used.
         """
-        feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
         robot = Robot.load(
             beside(folder, self.model) if is_file_name(self.model) else self.model,
             locked=self.locked,
-            feet=None if self.feet is None else feet,
+            feet=self.feet,
             base=self.base,
             srdf=None if self.srdf is None else beside(folder, self.srdf),
             package_dirs=[beside(folder, name) for name in self.package_dirs or ()],
@@ -127,7 +114,7 @@ class RobotSpec(Section):
             damping=self.damping,
             friction=self.friction,
             effort=self.effort,
-            loops={name: one.model_dump() for name, one in (self.loops or {}).items()},
+            loops=self.loops or {},
             unactuated=self.unactuated,
         )
         for body in self.payload:

@@ -11,8 +11,8 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields
 from dataclasses import Field as DataclassField
-from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin
@@ -265,15 +265,15 @@ class KeysOf:
     """Annotates a dict of a dataclass's fields, in ``Annotated[dict[str, Any], ...]``.
 
     Keys, descriptions and defaults are taken from the dataclass, which checks the numbers further
-    when it is made. Every key may be left out, or be null. The form of a value follows from its
-    default: infinity means positive or infinite; a pair is (least, greatest); None is three
+    when it is made. A key with a default may be left out, or be null. The form of a value follows
+    from that: infinity means positive or infinite; a pair is (least, greatest); None is three
     components, of which some may be null; any other number is nonnegative.
 
     ``kind``: a dataclass with a section ``Parameters`` or ``Attributes`` in its docstring;
     ``forms``: types of keys to which the above does not apply.
     """
 
-    def __init__(self, kind: type, **forms: Any) -> None:
+    def __init__(self, kind: type, /, **forms: Any) -> None:
         about, described = (inspect.getdoc(kind) or "").split("\n")[0], _descriptions(kind)
         entries = {
             each.name: _entry(each, forms.get(each.name), described.get(each.name))
@@ -294,6 +294,8 @@ def _given(section: BaseModel) -> dict[str, Any]:
 
 
 def _entry(of: DataclassField[Any], form: Any, description: str | None) -> Any:
+    if of.default is of.default_factory is MISSING:
+        return form, Field(description=description)
     number = isinstance(of.default, float) and math.isfinite(of.default)
     if form is None:
         sizes = {float: PositiveOrInfinite, tuple: Range}

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from wbc.estimation import StateEstimator
-from wbc.gait.walls import Hand
+from wbc.gait.walls import Hand, Wall
 from wbc.problem.devices_spec import DevicesSpec, Seed
-from wbc.problem.hands_spec import WallSpec
+from wbc.problem.hands_spec import WallKeys
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     Forms,
@@ -54,21 +54,10 @@ Strength = Annotated[
 STRENGTHS = ("force", "impulse", "impulse_ratio")
 LEAST_FELT = 0.5  # of the weight, at which an estimator begins: see source/gravity_alignment.c
 STEP_TOLERANCE = 1e-6  # in physics steps: tolerance of a time that is a whole number of them
-
-
-class StepSpec(Section):
-    """A box on the ground."""
-
-    centre: Point
-    """Of its upper face [m], world axes."""
-    size: Three[Size]
-    """Side lengths along x, y, z before it is turned [m]."""
-    yaw: Number = default_of(Step, "yaw")
-    """How far it is turned about the vertical [rad]."""
-    friction: NonNegative | None = None
-    """Coefficient of friction; left out: that of the ground."""
-    slope: Pair = default_of(Step, "slope")
-    """Rise over run of its upper face along x and y before it is turned."""
+StepKeys = Annotated[
+    dict[str, Any],
+    KeysOf(Step, centre=Point, size=Three[Size], yaw=Number, friction=NonNegative, slope=Pair),
+]
 
 
 class TerrainSpec(Section):
@@ -77,11 +66,11 @@ class TerrainSpec(Section):
     slope: Pair = default_of(Terrain, "slope")
     """Rise over run along x and y. The robot, and with it everything that is relative to its
     start, is turned with the ground, so that its soles are flat on it."""
-    steps: ListOf[StepSpec] = ()
+    steps: ListOf[StepKeys] = ()
     """Boxes on the ground."""
     time_constant: Positive = default_of(Terrain, "time_constant")
     """How fast a contact returns from penetration [s]: larger is softer ground."""
-    walls: ListOf[WallSpec] = ()
+    walls: ListOf[WallKeys] = ()
     """Plates and rails that stand beside the robot; see the section hands."""
     drift: bool = default_of(Terrain, "drift")
     """Whether contacts follow J' q' as well, which MuJoCo leaves out: feet then rest while legs
@@ -258,9 +247,9 @@ class SimulationSpec(Section):
     def ground(self) -> Terrain:
         """Return what the robot stands on."""
         terrain = self.terrain
-        steps = tuple(Step(**step.model_dump()) for step in terrain.steps)
+        steps = tuple(Step(**step) for step in terrain.steps)
         slope = terrain.slope[0], terrain.slope[1]
-        walls = tuple(wall.wall() for wall in terrain.walls)
+        walls = tuple(Wall(**wall) for wall in terrain.walls)
         return Terrain(self.friction, slope, steps, terrain.time_constant, terrain.drift, walls)
 
     def check(
@@ -283,7 +272,7 @@ class SimulationSpec(Section):
                 make(**getattr(self, key))
         for k, wall in enumerate(self.terrain.walls):
             with mistakes.at("simulation", "terrain", "walls", k):
-                wall.wall()
+                Wall(**wall)
         self._check_devices(start, dt, mistakes)
         with mistakes.at("simulation", "falls"):
             limits = FallLimits(**self.falls)

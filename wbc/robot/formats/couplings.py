@@ -76,7 +76,8 @@ class Loop:
     frames:
         The one that is held, and the one that it is held at, by their names.
     kind:
-        ``"point"``: their origins meet (a ball joint); ``"pose"``: their axes too (a weld).
+        ``"point"``, the default: their origins meet (a ball joint); ``"pose"``: their axes too (a
+        weld).
     """
 
     frames: tuple[str, str]
