@@ -174,12 +174,6 @@ def test_leg_angles_give_the_leg_back(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(angles, [[1.2, 0.0], [np.nan, np.nan]])
 
 
-def test_leg_joins_cop_and_com(humanoid: Robot, rng: np.random.Generator) -> None:
-    state = wbc.reduce(standing(humanoid), rng.normal(size=humanoid.nv))
-    tip = state.cop + state.leg_length * state.leg_direction
-    np.testing.assert_allclose(tip, state.com, rtol=0, atol=1e-14)
-
-
 def test_six_masses_and_both_ellipsoids_have_the_inertia(robot: Robot, rng, random_snapshot):
     here, _ = gentle(robot, rng, random_snapshot)
     state = wbc.reduce(here, density=985.0)

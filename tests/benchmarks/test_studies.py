@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import thrown
-import walking
 from exposures import exposures_figure, together
 from sources import code_of
 
@@ -23,7 +22,6 @@ from benchmarks.peers import run, serve
 from benchmarks.simulation import measure
 from wbc.constraints import Limits, SelfCollision
 from wbc.errors import InvalidInputError
-from wbc.journal import Journal
 from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.qp.solution import Conflict
 from wbc.robot import Robot
@@ -296,15 +294,6 @@ def test_the_code_is_every_source_by_name_and_content(tmp_path: Path) -> None:
     rows.rename(tmp_path / "other.c")
     seen.add(code())
     assert len(seen) == 3
-
-
-def test_a_journal_of_walks_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "walks.jsonl"
-    with Journal(path, walking.MADE_OF):
-        pass
-    Journal(path, walking.MADE_OF).__exit__(None, None, None)
-    with pytest.raises(InvalidInputError, match=r"\(code differs\)"):
-        Journal(path, {**walking.MADE_OF, "code": "of before"})
 
 
 def test_scripts_import_their_neighbours_by_their_own_names() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.urdf import geared_arm
-from wbc import KinematicController, PositionTask, PostureTask, load_problem
+from wbc import KinematicController, PositionTask, PostureTask
 from wbc.constraints.limits import Limits
 from wbc.controllers.loop_closing import _reachable_share
 from wbc.robot import Robot
@@ -48,21 +48,6 @@ def test_controllers_hold_the_gears(tmp_path: Path) -> None:
         assert now["d"] == pytest.approx(-now["b"] + 0.05, abs=1e-6)
         np.testing.assert_allclose(q[:7], start[:7], atol=1e-9)
     assert abs(now["b"] - 0.4) > 0.01
-
-
-def test_problem_files_hold_the_gears(tmp_path: Path) -> None:
-    arm(tmp_path)
-    path = tmp_path / "reach.yaml"
-    path.write_text(
-        "robot: arm.urdf\nstart: {posture: neutral, joints: {a: 0.3, b: 0.4}}\n"
-        "tasks:\n  tip: {type: frame, frame: link_d, control: position,"
-        " target: {offset: [0.05, 0, -0.05]}}\nstop: {duration: 0.5}\n"
-    )
-    history = load_problem(path).run().history
-    _, b, c, d = history.q[:, 7:].T
-    np.testing.assert_allclose(c, -2 * b + 0.1, atol=1e-6)
-    np.testing.assert_allclose(d, -b + 0.05, atol=1e-6)
-    assert np.ptp(b) > 0.01
 
 
 def test_what_follows_a_locked_joint_is_locked(tmp_path: Path) -> None:

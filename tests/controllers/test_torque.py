@@ -135,20 +135,6 @@ def test_torque_is_what_recursive_newton_euler_needs(name, mode, robot_named) ->
         assert set(tick.forces) == {contact.name for contact in contacts}
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load) -> None:
-    robot = robot_named(name)
-    here = standing(robot)
-    controller = wbc.TorqueController(robot, stack(here), contacts=wbc.support(here, "double"))
-    tick = controller.step(here)
-    assert tick.ok and tick.policy is None, tick.report()
-    weight = sum(force[2] for force in tick.forces.values())
-    assert weight == pytest.approx(9.81 * robot.mass, rel=1e-3)
-    assert tick.cop is not None
-    np.testing.assert_allclose(tick.cop[:2], here.com[:2], atol=2e-3)
-    assert np.abs(tick.acceleration).max() < 0.05
-
-
 def test_what_cannot_be_kept_gives_way_by_name(g1: Robot, here: Snapshot) -> None:
     """A sole that rushes upwards cannot be stopped by forces that only push."""
     v = np.zeros(g1.nv)

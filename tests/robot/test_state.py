@@ -131,15 +131,6 @@ def test_mechanical_connection(robot: Robot, rng, random_snapshot) -> None:
     np.testing.assert_allclose(at_base, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_average_angular_velocity_of_a_locked_robot_is_the_bases(robot, rng, random_snapshot):
-    here = random_snapshot(robot, rng)
-    v = np.zeros(robot.nv)
-    v[3:6] = rng.normal(size=3)
-    spinning = robot.snapshot(here.q, v)
-    expected = spinning.rotation("base") @ v[3:6]
-    np.testing.assert_allclose(spinning.average_angular_velocity, expected, rtol=1e-9)
-
-
 def everything(s: Snapshot, frame: str) -> list[np.ndarray]:
     return [
         s.com, s.inertia, s.inertia_jacobian, s.inertia_drift, s.base_inertia_jacobian,

@@ -59,13 +59,6 @@ def test_no_more_is_searched_when_the_tasks_are_met(hoap2) -> None:
     assert [c.cost for c in alone.candidates] == [c.cost for c in shared.candidates]
 
 
-def test_the_time_budget_ends_the_search_after_the_first_start(hoap2) -> None:
-    outcome = shaping_of(hoap2).solve(hoap2.posture(), 500, seconds=1e-6, workers=1)
-    assert outcome.statistics.stopped == "seconds"
-    assert outcome.statistics.searched == 1
-    assert outcome.best.starts == (0,)
-
-
 def test_an_interruption_keeps_what_was_found(hoap2) -> None:
 
     def interrupt(done: int, total: int, cost: float | None) -> None:

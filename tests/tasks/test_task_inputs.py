@@ -351,20 +351,6 @@ def test_a_pose_is_damped_by_the_error_of_all_its_rows(robot) -> None:
     np.testing.assert_allclose(np.diag(qp.P)[6:], added + 1e-6, rtol=1e-9)
 
 
-@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-def test_a_gain_per_second_means_the_same_at_every_step(robot, dt: float) -> None:
-    """Oracle: exp(-k t), met exactly at the end of every tick."""
-    q = robot.posture("standing")
-    task = PostureTask(robot, q, gain_per_second=8.0)
-    controller = KinematicController(robot, [task], contacts=(), dt=dt, damping=1e-9)
-    q = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 1e-2)], 1.0)
-    before = task.residual(robot.snapshot(q)).error
-    for _ in range(round(0.2 / dt)):
-        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, dt)
-    after = task.residual(robot.snapshot(q)).error
-    np.testing.assert_allclose(after, np.exp(-8.0 * 0.2) * before, rtol=1e-6)
-
-
 def test_laws_are_checked_where_they_are_given(robot) -> None:
     for bad in ({"gain": 0.0}, {"gain": 1.5}, {"gain_per_second": 0.0}, {"kp": -1.0}):
         (name,) = bad

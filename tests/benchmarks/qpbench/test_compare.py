@@ -15,7 +15,6 @@ from qpbench.export import NAME, export_qpbenchmark
 from qpbench.page import has_section, put_section, with_section
 
 from tests.benchmarks.qpbench.test_measure import solvable
-from wbc.errors import MissingPackageError
 from wbc.qp.active_set import ActiveSet
 
 
@@ -143,12 +142,6 @@ def test_names_of_sequences_do_not_end_the_string_that_they_are_in(tmp_path: Pat
         if isinstance(node, ast.FunctionDef) and node.name == "description"
     )
     assert told == f"8 QPs of 1 sequences: {odd}."
-
-
-def test_pyarrow_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'wbc\[batch\]'"):
-        export_qpbenchmark(tmp_path, [solvable()])
 
 
 def test_a_section_is_replaced_in_place_twice_the_same() -> None:
