@@ -1,21 +1,17 @@
 """From the answer to a motion: judged tick by tick by Pinocchio; mimic joints by their gears."""
 
-from dataclasses import replace
-
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.optimize import minimize
 
 from tests.urdf import geared_arm, limit
-from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollision, support
+from wbc.constraints import ComSupport, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.controllers.closed_loop import LoopTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome
+from wbc.shaping import GlobalShaping
 from wbc.shaping.motion import AT_REST, worst_violations
-from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask, Task
 
 
@@ -24,67 +20,6 @@ def tall(robot: Robot, q: np.ndarray, frame: str) -> InertiaTask:
     return InertiaTask(
         robot, np.diag(moments * [1.2, 1.2, 0.5]), frame=frame, per_mass=True, weight=10.0
     )
-
-
-def check_motion(
-    robot: Robot, motion: ShapingMotion, contacts: tuple[Contact, ...], dt: float
-) -> None:
-    """Every row follows from the one before, within limits, on its feet, and no faster than may."""
-    data = robot.model.createData()
-    limits = robot.limits
-    for k, q in enumerate(motion.q):
-        joints = limits.joint_positions(q)
-        assert (joints >= limits.lower - 1e-6).all()
-        assert (joints <= limits.upper + 1e-6).all()
-        pin.framesForwardKinematics(robot.model, data, q)
-        for contact in contacts:
-            pose = data.oMf[robot.frame_id(contact.frame)]
-            np.testing.assert_allclose(pose.translation, contact.position, atol=1e-3)
-            np.testing.assert_allclose(pose.rotation, contact.rotation, atol=1e-3)
-        if k + 1 < len(motion.q):
-            following = pin.integrate(robot.model, q, motion.v[k] * dt)
-            np.testing.assert_allclose(following, motion.q[k + 1], atol=1e-12)
-    assert (np.abs(motion.v[:, 6:]) <= limits.velocity + 1e-6).all()
-    np.testing.assert_allclose(np.diff(motion.time), dt, atol=1e-12)
-
-
-@pytest.mark.parametrize("mode", ["floating", "double"])
-def test_the_best_posture_is_reached(hoap2, mode: str) -> None:
-    q = hoap2.posture()
-    contacts = support(hoap2.snapshot(q), mode)
-    task = tall(hoap2, q, "world")
-    shaping = GlobalShaping(hoap2, [task], contacts)
-    outcome = shaping.solve(q, 12, workers=1)
-    motion = shaping.reach(q, outcome, dt=0.01)
-    assert motion.arrived, motion.attempts
-    assert motion.attempts[-1].reason == "arrived"
-    check_motion(hoap2, motion, contacts, 0.01)
-    np.testing.assert_array_equal(motion.q[0], q)
-    end = posture_cost([task], hoap2.snapshot(motion.q[-1]))
-    assert end == pytest.approx(motion.cost[-1], rel=1e-12)
-    assert end <= 1.01 * motion.candidate.cost
-    assert end < 0.5 * motion.cost[0]
-    assert not motion.kept.broken
-
-
-def test_the_next_best_is_taken_where_the_best_cannot_be_reached(hoap2) -> None:
-    """A best posture with its feet elsewhere: the controller holds them and never gets there."""
-    q = hoap2.posture()
-    contacts = support(hoap2.snapshot(q), "double")
-    shaping = GlobalShaping(hoap2, [tall(hoap2, q, "world"), PostureTask(hoap2, q, weight=1e-3)],
-                            contacts)  # fmt: skip
-    outcome = shaping.solve(q, 6, workers=1)
-    wrong = hoap2.posture("standing", {"left_hip_roll": 0.4, "left_knee_pitch": 1.5})
-    dream = replace(outcome.best, q=wrong, cost=0.5 * outcome.best.cost)
-    tempted = ShapingOutcome((dream, *outcome.candidates), (), outcome.statistics)
-    motion = shaping.reach(q, tempted, dt=0.01)
-    assert motion.arrived
-    assert motion.candidate.cost >= outcome.best.cost
-    assert motion.attempts[0].candidate == 0
-    assert motion.attempts[0].reason != "arrived"
-    only = shaping.reach(q, tempted, attempts=1, dt=0.01)
-    assert not only.arrived
-    assert len(only.attempts) == 1
 
 
 def test_a_broken_constraint_on_the_way_is_told(hoap2) -> None:

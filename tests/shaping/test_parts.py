@@ -22,7 +22,7 @@ from wbc.shaping.nlp import BuiltNlp, build_nlp
 from wbc.shaping.outcome import Candidate, ConstraintMargins
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.shaping.separation import ActivePairs
-from wbc.shaping.starts import Sampling, make_starts, uniform_rotation
+from wbc.shaping.starts import Sampling, make_starts
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
 KEPT = ConstraintMargins(0.0, 1.0, None, None, ())
@@ -430,16 +430,6 @@ def test_hops_depend_on_number_seed_and_elite_alone(hoap2: Robot, rng) -> None:
         assert not np.array_equal(one.start(number, elite).x, other.start(number, elite).x)
     whole = joints_of(built, one.start(5, []))  # nothing good yet
     assert not (np.abs(whole - elite[0].q[7:]) < 1e-12).any()
-
-
-def test_random_rotations_are_uniform() -> None:
-    """Oracle: the angle of a uniform rotation has the distribution (a - sin a) / pi."""
-    rng = np.random.default_rng(0)
-    turns = [uniform_rotation(rng.random(3)) for _ in range(2000)]
-    angles = np.array([turn.magnitude() for turn in turns])
-    assert kstest(angles, lambda a: (a - np.sin(a)) / np.pi).pvalue > 1e-3
-    mean = np.mean([turn.as_matrix() for turn in turns], axis=0)
-    np.testing.assert_allclose(mean, 0.0, atol=0.07)  # 1 / sqrt(3 * 2000) = 0.013, five of these
 
 
 @pytest.mark.parametrize("frame", ["world", "base"])
