@@ -93,6 +93,17 @@ def as_text(text: str) -> str:
     return text.encode(errors="surrogatepass").decode(errors="replace")
 
 
+def finite(value: Any) -> Any:
+    """Return plain data with null for numbers that are not finite, as strict JSON has them."""
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(entry) for entry in value]
+    return value
+
+
 def write_text(path: str | Path, text: str) -> None:
     """Write text in UTF-8 atomically: see :func:`write_whole`, also for errors."""
     write_whole(path, lambda file: file.write(as_text(text).encode()))

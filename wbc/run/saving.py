@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.extras import require
-from wbc.files import as_text, ending_of, write_arrays, write_text
+from wbc.files import as_text, ending_of, finite, write_arrays, write_text
 from wbc.run.columns import write_parquet
 from wbc.validate import Array
 
@@ -72,7 +71,7 @@ def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:
 
 def json_text(summary: Mapping[str, Any]) -> str:
     """Return strict JSON, lists of numbers on one line; numbers that are not finite are null."""
-    text = as_text(json.dumps(_finite(summary), indent=2, allow_nan=False, ensure_ascii=False))
+    text = as_text(json.dumps(finite(summary), indent=2, allow_nan=False, ensure_ascii=False))
     # Raw line ends are between values only, never inside a JSON string.
     lists = re.compile(r"\[\n\s*([^\[\]{}]*?)\n\s*\]")
     return lists.sub(lambda found: "[" + re.sub(r"\n\s*", " ", found[1]) + "]", text) + "\n"
@@ -93,14 +92,4 @@ def plain(value: Any) -> Any:
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
-    return value
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
     return value

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
-from wbc.files import read_arrays, write_arrays
+from wbc.files import finite, read_arrays, write_arrays
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
@@ -38,7 +38,7 @@ def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
     data["schedule"] = [asdict(phase) for phase in problem.schedule]
     for name in ("start", "goal", "nominal", "limits", "weights"):
         data[name] = asdict(data[name])
-    return dict(_plain(data))
+    return dict(finite(data))
 
 
 def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
@@ -78,7 +78,7 @@ def plan_arrays(plan: Plan) -> dict[str, NDArray[np.generic]]:
         "format": FORMAT,
         "version": VERSION,
         "problem": problem_to_data(plan.problem),
-        "stats": _plain(asdict(plan.stats)),
+        "stats": finite(asdict(plan.stats)),
         "phases": list(plan.phases),
         "starts": plan.starts.tolist(),
     }
@@ -180,14 +180,3 @@ def _mapping(what: str, data: Any) -> Mapping[str, Any]:
     if not isinstance(data, Mapping):
         raise InvalidInputError(f"{what}: expected keys and values, got {data!r}")
     return data
-
-
-def _plain(value: Any) -> Any:
-    """Return JSON's own types; infinite numbers as null."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
