@@ -1,5 +1,8 @@
 """The CoM's path whose CoP is inside the soles, by a QP solver; a whole motion's least squares."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import qpsolvers
@@ -215,3 +218,26 @@ def test_infeasible_attempts_return_the_least_infeasible(hoap2, monkeypatch) -> 
     monkeypatch.setattr(pipeline, "evaluate", lambda *given: given)
     q = wbc.retarget(crouching(2.0), hoap2, rounds=1)[5]
     assert len(made) == 7 and np.array_equal(q, made[2].q)
+
+
+@pytest.mark.parametrize(("violations", "taken"), [((0.4, 0.3, 0.5, 0.6), 1), ((0.15, 0.16), 1)])
+def test_iterations_that_diverge_give_the_one_nearest_to_the_constraints(
+    monkeypatch: pytest.MonkeyPatch, violations: tuple[float, ...], taken: int
+) -> None:
+    """Others that end infeasible give the last one, whose tasks are nearer to their targets."""
+    monkeypatch.setattr(retries, "interpolate", lambda robot, q, frames: q)
+    iterates = [SimpleNamespace(violation=v, cost=1.0, actuator_ratio=1.0) for v in violations]
+    turn = iter(iterates)
+    targets = SimpleNamespace(time=np.zeros(1))
+    tasks = SimpleNamespace(robot=None, targets=targets, set_inertia_targets=lambda *_: None)
+    problem: Any = SimpleNamespace(
+        tasks=tasks,
+        collision=None,
+        damping=1.0,
+        states=lambda q: SimpleNamespace(inertia=None),
+        linearize=lambda q, states: next(turn),
+        step=lambda best: np.zeros((1, 7)),
+    )
+    q = np.zeros((1, 7))
+    found: Any = retries.solve(problem, q, len(violations) - 1, False, None, q)
+    assert found is iterates[taken]

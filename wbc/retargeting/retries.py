@@ -21,6 +21,9 @@ from wbc.validate import Array
 # and iterations end above the maximum.
 MAX_VIOLATION_GROWTH, FEASIBLE = 2.0, 0.02
 DAMPING_AFTER_REJECTION, MAX_DAMPING_AFTER_REJECTION = 4.0, 100.0
+# Iterations diverge that end infeasible, with a violation larger by this factor than the least one:
+# that one is the result, since the last can hardly be projected onto the constraints.
+MAX_DIVERGENCE = 1.25
 # Converged: the relative decrease of the cost is below the first, or its value per frame below the
 # second.
 CONVERGED_DECREASE, CONVERGED_COST = 0.05, 0.4
@@ -55,7 +58,8 @@ def solve(
 ) -> Linearization:  # fmt: skip
     """Minimise the least squares of a motion; return the last accepted iterate.
 
-    Constraints are weighted, so tasks may leave them slightly violated.
+    If they diverge, it is that with the least violation. Constraints are weighted, so tasks may
+    leave them slightly violated.
 
     ``axes``: the human's principal axes as columns (n, 3, 3).
     ``warm_start``: configurations (m, nq) of the same motion, perhaps at another speed; None:
@@ -76,6 +80,7 @@ def solve(
     if warm_start is None and best.violation > BLOCKED_LEGS:
         unconstrained = problem.linearize(solve_frames(tasks, start, (), progress))
         best = min(best, unconstrained, key=lambda one: one.violation)
+    least = best
     for number in range(1, iterations + 1):
         q = problem.step(best)
         states = problem.states(q)
@@ -92,7 +97,7 @@ def solve(
             if problem.damping > MAX_DAMPING_AFTER_REJECTION:
                 break
             continue
-        best = now
+        best, least = now, min(least, now, key=lambda one: one.violation)
         if not feasible:
             continue
         smallest_decrease = 1.0 - CONVERGED_DECREASE
@@ -106,7 +111,7 @@ def solve(
             problem.damping = max(DAMPING_DECREASE * problem.damping, MIN_DAMPING)
         else:  # joints that are too fast oscillate
             problem.damping = min(DAMPING_INCREASE * problem.damping, MAX_DAMPING)
-    return best
+    return least if best.violation > max(MAX_DIVERGENCE * least.violation, FEASIBLE) else best
 
 
 @dataclass(frozen=True, eq=False)
