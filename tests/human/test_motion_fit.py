@@ -27,6 +27,7 @@ from wbc.human.marker_identification import identify_markers, rotate_z_up, with_
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion import RmpSeries
+from wbc.motion.ground import sole_corners
 from wbc.motion.table import RecordingError
 from wbc.robot import Robot
 
@@ -736,13 +737,17 @@ def test_a_fingertip_that_is_a_foot_by_name_is_left_out_with_a_note() -> None:
 
 
 def test_a_foot_that_rests_some_cm_high_carries_the_human_where_no_other_one_does() -> None:
-    """A recording drifts by 50 mm; in a jump over the same height no foot rests."""
+    """A recording drifts by 50 mm; in a jump over that height none rests, one who lies has none."""
     robot, time = Robot.load("hoap2_like"), np.arange(100) / 100.0
     left, right = robot.feet
     places = {foot: np.tile(np.eye(4), (100, 1, 1)) for foot in robot.feet}
     places[right][:, 2, 3] = 0.3 * np.sin(np.pi * time)  # swings between both ends
     places[left][:, 2, 3] = 0.05
     assert feet_down(robot, places, time, 0.0)[:, 0].all()
+    lies = places | {left: places[left].copy()}
+    lies[left][:, :3, :3] = rotations(np.array([[0.0, -1.5, 0.0]]))[0]
+    lies[left][:, 2, 3] += 0.05 - sole_corners(robot, lies)[0, 0, :, 2].min()
+    assert not feet_down(robot, lies, time, 0.0)[20:80, 0].any()
     places[left][:, 2, 3] = places[right][:, 2, 3] = 0.05 + 0.07 - 4.905 * (time - 0.5) ** 2
     assert not feet_down(robot, places, time, 0.0)[20:-20].any()
 

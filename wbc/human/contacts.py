@@ -42,9 +42,10 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
     above = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height
     speed = np.take_along_axis(speeds, lowest, axis=2)[..., 0]
     down = (above < MAX_HEIGHT) & (speed < MAX_SPEED)
-    # Of a recording that drifts the ground rises by some cm: a foot that rests there while no other
-    # one is down stands, since in the air none rests.
-    resting = (above < MAX_LEVEL_DIFFERENCE) & (speed < MAX_ANKLE_SPEED)
+    # Of a recording that drifts the ground rises by some cm: a level foot that rests there, while
+    # no other one is down, stands, since in the air none rests.
+    level = np.stack([soles[foot][:, 2, 2] for foot in robot.feet], axis=1) > MIN_UPRIGHTNESS
+    resting = (above < MAX_LEVEL_DIFFERENCE) & (speed < MAX_ANKLE_SPEED) & level
     carried = np.asarray(down.any(axis=1))
     for flags, rests in zip(down.T, resting.T, strict=True):
         for first, end in runs(rests):
