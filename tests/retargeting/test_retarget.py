@@ -59,6 +59,19 @@ def test_human_that_faces_backwards_moves_the_robot_alike(hoap2: Robot) -> None:
     np.testing.assert_allclose(back.q[:, 7:], ahead.q[:, 7:], atol=1e-3)  # rad: solved to 1e-4
 
 
+def test_a_robot_whose_file_faces_sideways_moves_alike(
+    hoap2: Robot, crouch: wbc.Retargeted
+) -> None:
+    """As where a scene's base is turned: its feet could not reach, 39 degrees off."""
+    turn = np.zeros(hoap2.nv)
+    turn[5] = 0.5 * np.pi
+    sideways = hoap2.integrate(hoap2.posture(), turn, 1.0)
+    turned = replace(hoap2, postures={**hoap2.postures, "standing": sideways})
+    found = wbc.retarget(crouching(), turned)
+    np.testing.assert_allclose(found.q, crouch.q, atol=1e-3)
+    assert found.robot is turned
+
+
 def test_retargeting_uses_one_blas_thread_and_restores_the_others(hoap2: Robot) -> None:
     """Beside other work a motion of a G1 took 40 times as long with the threads of BLAS."""
 

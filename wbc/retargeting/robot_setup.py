@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,13 +13,14 @@ from numpy.typing import NDArray
 
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.errors import ModelError, listed
-from wbc.gait.legs import SIDES, Legs, hip_and_ankle, knees_one_way
+from wbc.gait.legs import SIDES, Legs, check_biped, hip_and_ankle, knees_one_way
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.scaling import StandingBody, standing_body
 from wbc.robot import Robot
 from wbc.robot.chains import leg_joints
 from wbc.robot.formats.description import reduced_model
 from wbc.robot.limits import JointLimits
+from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, by_name
 
@@ -29,6 +31,7 @@ BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 # Places of a leg that are this part of its height below the hip, or less, are beside the hips,
 # which no step brings apart.
 HIPS = 0.2
+FACING = 1e-3  # rad of heading, above what feet turned unlike each other leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +137,7 @@ def robot_setup(robot: Robot, links: Mapping[str, str] | None, margin: float | N
 def _cached_setup(
     robot: Robot, links: tuple[tuple[str, str], ...], margin: float | None
 ) -> RobotSetup:
+    robot = _facing_ahead(robot)
     body = body_map(robot, dict(links))
     fingers = FixedFingers.of(robot, body)
     legs, collision, notes = Legs.of(fingers.robot), None, fingers.notes
@@ -146,6 +150,19 @@ def _cached_setup(
     standing = standing_body(fingers.robot, legs, body)
     width = 0.0 if collision is None else _least_width(collision, legs)
     return RobotSetup(fingers, legs, body, standing, collision, width, notes)
+
+
+def _facing_ahead(robot: Robot) -> Robot:
+    """Return a robot that stands with its feet along x, as a human's are, however a file has it."""
+    check_biped(robot)
+    s = robot.snapshot(robot.postures[STANDING])
+    x, y = np.sum([s.rotation(foot.frame)[:2, 0] for foot in robot.feet.values()], axis=0)
+    heading = math.atan2(y, x)
+    if abs(heading) < FACING:
+        return robot
+    turn = np.zeros(robot.nv)
+    turn[3:6] = s.rotation(BASE).T @ (0.0, 0.0, -heading)
+    return replace(robot, postures={**robot.postures, STANDING: robot.integrate(s.q, turn, 1.0)})
 
 
 def _least_width(collision: SelfCollision, legs: Legs) -> float:
