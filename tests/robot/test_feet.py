@@ -544,3 +544,18 @@ def test_feet_of_other_legs_with_the_same_side_in_their_names_are_told() -> None
     assert {foot.link for foot in robot.feet.values()} == {"l1_foot", "r1_foot"}
     said = "l2_foot, l3_foot, r2_foot, r3_foot of other legs are called so, too, as l1_foot, r1_"
     assert any(said in note for note in robot.notes)
+
+
+def test_a_mode_means_feet_even_if_joints_are_called_as_they_are() -> None:
+    """Hips called left and right were held in place of the soles; in a list a frame's name wins."""
+    parts = [urdf.link("trunk", mass=5)]
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        sole = urdf.collision('box size=".2 .1 .04"', "0 0 -.4")
+        parts += [urdf.link(f"{side}_foot", sole), urdf.joint(side, "trunk", f"{side}_foot")]
+        parts[-1] = parts[-1].replace('xyz="0 0 0"', f'xyz="0 {y} 0"', 1)
+    robot = Robot.load(urdf.robot("r", *parts))
+    s = robot.snapshot(robot.posture())
+    for mode in ("double", "all", "left"):
+        frames = [contact.frame for contact in support(s, mode)]
+        assert frames == ["left_sole", "right_sole"][: len(frames)]
+    assert [contact.frame for contact in support(s, ["right"])] == ["right"]

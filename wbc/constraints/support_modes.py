@@ -48,7 +48,10 @@ def support(
     if not isinstance(mode, Iterable):
         raise InvalidInputError(f"support: expected a mode or a list of frames, got {shown(mode)}")
     robot = snapshot.robot
-    frames = [sole_or_frame(robot, one) for one in feet_of(robot, mode)]
+    frames = [  # a mode's are feet, even where a joint is called as one
+        robot.feet[one].frame if isinstance(mode, str) else sole_or_frame(robot, one)
+        for one in feet_of(robot, mode)
+    ]
     if isinstance(mode, str) and any(snapshot.rotation(frame)[2, 2] < 0.0 for frame in frames):
         logging.getLogger(__name__).warning(
             "support: soles of %s face upwards; is the quaternion q[3:7] in the order x, y, z, w?",
