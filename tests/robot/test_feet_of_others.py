@@ -279,6 +279,20 @@ def test_legs_that_stick_out_do_not_turn_the_robot_over() -> None:
     assert q[2] > 0.1
 
 
+def test_a_hexapod_with_knees_above_its_trunk_is_not_turned_over() -> None:
+    """Its feet are named: their joints, the knees, are 80 mm above the base, 0.3 m aside."""
+    parts, feet = [link("trunk", mass=3)], {}
+    for k in range(6):
+        x, y = 0.25 * (1 - k // 2), 0.15 * (-1) ** k
+        hip, tibia = f"hip_{k}", f"tibia_{k}"
+        parts += [link(hip, mass=0.2), joint(f"h{k}", "trunk", hip, "0 0 1", f"{x} {y} 0")]
+        parts += [link(tibia, BALL), joint(f"k{k}", hip, tibia, "1 0 0", f"0 {y} .08")]
+        feet[f"leg_{k}"] = {"link": tibia}
+    robot = Robot.load(urdf.robot("hexapod", *parts), feet=feet)
+    assert not any("turned" in note for note in robot.notes)
+    np.testing.assert_allclose(robot.posture()[:7], (0, 0, 0.14, 0, 0, 0, 1), atol=1e-9)
+
+
 def test_legs_of_insects_are_not_said_to_end_above_the_base() -> None:
     """Their knees are level with the trunk; what makes them feet is to name them."""
     parts, feet = [link("trunk", mass=3)], {}

@@ -39,6 +39,7 @@ _SIDE_OF_FOOT = re.compile(rf"(left|right)[_.-]?(?:{'|'.join(sorted(FOOT_WORDS))
 SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: tolerances of two mirrored soles on one ground
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
 BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
+SPRAWLED = 0.25  # of their distance from their middle: feet less far below the base's origin
 LEAST_ROLLING = 20.0 * np.pi  # rad: a joint with a larger range is a wheel's
 LEAST_ALIGNMENT = np.cos(np.deg2rad(30.0))  # of a direction that is taken for an axis
 
@@ -87,12 +88,14 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     if len(places) < 2:
         return q, ""
     lefts, rights = _sides(places)
-    down, below = _mean(places.values()), _mean(places.values()) - data.oMi[1].actInv(data.com[0])
+    down = middle = _mean(places.values())
+    below = middle - data.oMi[1].actInv(data.com[0])
     nearest = min(float(np.linalg.norm(place)) for place in (down, *places.values()))
     if nearest < BELOW_BASE or down @ below < 0.0:
         down = below  # the base's origin is on the ground, between the feet, in one or below them
-    if np.linalg.norm(down) < BELOW_BASE:
-        return q, ""  # legs that stick out, as an ant's, show no direction
+    spread = float(np.mean([np.linalg.norm(place - middle) for place in places.values()]))
+    if np.linalg.norm(down) < max(BELOW_BASE, SPRAWLED * spread):
+        return q, ""  # legs that stick out, as an ant's with knees above it, show no direction
     up, left = _axis_along(-down), _axis_along(_mean(lefts) - _mean(rights))
     if up is None:
         up = np.array([0.0, 0.0, 1.0])
