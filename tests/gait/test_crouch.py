@@ -1,6 +1,7 @@
 """The posture that a walk is drawn to: knees bent as far as the height of the gait asks."""
 
 import re
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from tests.urdf import on_both_legs
 from wbc.gait import Walker
 from wbc.gait.crouch import walking_posture
-from wbc.gait.legs import STRETCH, Legs, bent_backwards, knees_one_way
+from wbc.gait.legs import STRETCH, Legs, bent_backwards, knee_bends, knees_one_way
 from wbc.robot import Robot
 from wbc.simulation import Plant
 from wbc.tasks import PostureTask
@@ -174,3 +175,19 @@ def test_a_height_that_no_posture_has_is_said(straight, caplog) -> None:
     start = straight.snapshot(straight.posture("standing"))
     assert walking_posture(start, 0.01) is start.q
     assert "no posture with bent knees" in caplog.text
+
+
+def test_legs_of_a_robot_whose_file_faces_sideways_are_the_same(hoap2: Robot) -> None:
+    """Speeds of its swings were half, by the roll of its hips, and its knees bent backwards."""
+    text = re.sub(r'<limit lower="[^"]*" upper="[^"]*"', "<limit", hoap2.path.read_text())
+    endless = text.replace('type="revolute"', 'type="continuous"')
+    for robot in (hoap2, Robot.load(endless, base="floating")):
+        turn = np.zeros(robot.nv)
+        turn[5] = 0.5 * np.pi
+        sideways = robot.integrate(robot.posture(), turn, 1.0)
+        turned = replace(robot, postures={**robot.postures, "standing": sideways})
+        legs, same = Legs.of(turned), Legs.of(robot)
+        assert asdict(legs) == pytest.approx(asdict(same), rel=1e-9)
+        assert knee_bends(turned, 0.9 * legs.length) == pytest.approx(
+            knee_bends(robot, 0.9 * legs.length)
+        )

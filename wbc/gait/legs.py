@@ -18,6 +18,7 @@ from wbc.robot.chains import leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, Snapshot, check_robot
 from wbc.robot.postures import STANDING
+from wbc.rotations import exp_rotation
 from wbc.validate import Array, read_only
 
 SIDES = ("left", "right")
@@ -35,6 +36,8 @@ SHARE = 0.8
 SPEED_SHARE = 0.5
 # Of a foot [m/s^2], where the hip has no effort limit.
 MAX_ACCELERATION = 1e4
+# rad: smallest heading of a standing robot; less is what feet turned unlike each other leave.
+FACING = 1e-3
 # Samples of a leg's length over the knee's range.
 KNEE_SAMPLES = 33
 # A knee's range is symmetric if its sides differ by less than this part of it.
@@ -199,7 +202,7 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
     snapshot = robot.snapshot(robot.postures[STANDING])
     knee, angles, lengths = _knee(robot, side)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
-    J = snapshot.jacobian(robot.feet[side].frame)
+    J = _foot_jacobian(robot, side)
     columns = [int(robot.model.idx_vs[joint]) for joint in joints]
     for row, which, where in ((0, hips, "forwards"), (1, columns, "to a side")):
         if float(np.abs(J[row, which]).max()) < MIN_LEVER * float(lengths.max()):
@@ -252,6 +255,28 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
     }
 
 
+def _foot_jacobian(robot: Robot, side: str) -> Array:
+    """Return a standing foot's Jacobian (6, nv), x ahead, wherever the file has the robot face."""
+    J = (standing := robot.snapshot(robot.postures[STANDING])).jacobian(robot.feet[side].frame)
+    heading = standing_heading(standing)
+    if not heading:
+        return J
+    R = exp_rotation(np.array((0.0, 0.0, -heading)))
+    return np.concatenate((R @ J[:3], R @ J[3:]))
+
+
+def heading_of(rotations: Iterable[Sequence[Sequence[float]] | Array]) -> float:
+    """Return the mean heading of frames' x axes [rad]."""
+    x, y, _ = np.sum([[row[0] for row in R] for R in rotations], axis=0).tolist()
+    return math.atan2(y, x)
+
+
+def standing_heading(standing: Snapshot) -> float:
+    """Return where the feet point together [rad]; 0 where soles turned outwards leave a rest."""
+    heading = heading_of(standing.rotation(foot.frame) for foot in standing.robot.feet.values())
+    return heading if abs(heading) > FACING else 0.0
+
+
 def knee_bends(robot: Robot, length: float) -> dict[str, float]:
     """Return the angle [rad] of each knee at which the leg has this length [m].
 
@@ -294,8 +319,7 @@ def _knee_branch(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
         np.ptp(angles)
     )
     if symmetric:
-        standing = robot.snapshot(robot.postures[STANDING])
-        foot = standing.jacobian(robot.feet[side].frame)[:3, robot.model.idx_vs[knee]]
+        foot = _foot_jacobian(robot, side)[:3, robot.model.idx_vs[knee]]
         bends_ahead = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes back, the knee ahead
         branch = slice(straight, None) if bends_ahead else slice(straight + 1)
         angles, lengths = angles[branch], lengths[branch]

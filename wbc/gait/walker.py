@@ -41,7 +41,7 @@ from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.dcm import in_plane
 from wbc.gait.footsteps import SIGN, first_swing, other
-from wbc.gait.legs import Legs, bearing_joints
+from wbc.gait.legs import Legs, bearing_joints, heading_of
 from wbc.gait.pace import Paces
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, Standing, next_foot
 from wbc.gait.prescribed_steps import WEIGHT_SHIFT, Footstep, Landing
@@ -51,7 +51,7 @@ from wbc.gait.settings import GaitSettings
 from wbc.gait.speed_monitor import SpeedMonitor
 from wbc.gait.step_range import MAX_SLOPE, StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
-from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
+from wbc.gait.whole_body import WalkingWeights, WholeBody
 from wbc.kinds import check_kind
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot

@@ -18,7 +18,6 @@ from wbc.errors import InvalidInputError
 from wbc.gait.ability import leg_limits, pressure_offset
 from wbc.gait.arms import link_of
 from wbc.gait.crouch import walking_posture
-from wbc.gait.foothold import Rotation
 from wbc.gait.legs import SIDES, Legs
 from wbc.gait.phases import Place
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -285,9 +284,3 @@ class WholeBody:
 def heaviest_link(robot: Robot) -> str:
     """Return the link of the joint with most mass, without its children: usually the trunk."""
     return link_of(robot, int(np.argmax([inertia.mass for inertia in robot.model.inertias])))
-
-
-def heading_of(rotations: Iterable[Rotation]) -> float:
-    """Return the mean heading of frames' x axes [rad]."""
-    x, y, _ = np.sum([[row[0] for row in R] for R in rotations], axis=0).tolist()
-    return math.atan2(y, x)

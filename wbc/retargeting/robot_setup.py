@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.errors import ModelError, listed
-from wbc.gait.legs import SIDES, Legs, check_biped, hip_and_ankle, knees_one_way
+from wbc.gait.legs import SIDES, Legs, check_biped, hip_and_ankle, knees_one_way, standing_heading
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.scaling import StandingBody, standing_body
 from wbc.robot import Robot
@@ -31,7 +30,6 @@ BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 # Places of a leg that are this part of its height below the hip, or less, are beside the hips,
 # which no step brings apart.
 HIPS = 0.2
-FACING = 1e-3  # rad of heading, above what feet turned unlike each other leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +154,8 @@ def _facing_ahead(robot: Robot) -> Robot:
     """Return a robot that stands with its feet along x, as a human's are, however a file has it."""
     check_biped(robot)
     s = robot.snapshot(robot.postures[STANDING])
-    x, y = np.sum([s.rotation(foot.frame)[:2, 0] for foot in robot.feet.values()], axis=0)
-    heading = math.atan2(y, x)
-    if abs(heading) < FACING:
+    heading = standing_heading(s)
+    if not heading:
         return robot
     turn = np.zeros(robot.nv)
     turn[3:6] = s.rotation(BASE).T @ (0.0, 0.0, -heading)
