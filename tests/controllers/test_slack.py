@@ -13,7 +13,7 @@ from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError
 from wbc.qp import Status
 from wbc.robot import Robot, Snapshot
-from wbc.tasks import ComTask, PositionTask, PostureTask
+from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
 
@@ -123,6 +123,30 @@ def test_levels_below_do_not_disturb_a_soft_contact(hoap2: Robot, here: Snapshot
     J = np.concatenate((here.com_jacobian, here.jacobian(contacts[0].frame)))
     np.testing.assert_allclose(J @ both.velocity, J @ first.velocity, atol=1e-7)
     assert np.abs(both.velocity - first.velocity).max() > 1e-3
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_slack_is_what_the_first_level_needs(hoap2: Robot, here: Snapshot, first: bool) -> None:
+    """A goal past a soft box gave way to it by its weight on whichever level it was."""
+    hand, weights = here.position("left_hand"), {"box of left_hand": 10.0}
+    box = PositionBox(hoap2, "left_hand", hand - 1.0, hand + (1e-4, 1.0, 1.0))
+    goal = PositionTask(hoap2, "left_hand", hand + (0.1, 0.0, 0.0), weight=10.0)
+    rest = PostureTask(hoap2, here.q, weight=0.1, priority=1)
+    pull = PositionTask(hoap2, "left_hand", hand + (0.3, 0.0, 0.0), name="pull", priority=1)
+    trunk = OrientationTask(hoap2, "torso", here.rotation("torso"))
+    levels = [goal, pull, rest] if first else [trunk, pull, rest]
+    parts = {"contacts": support(here, "double"), "limits": Limits(hoap2), "dt": DT}
+    ticks = [
+        KinematicController(hoap2, tasks, **parts, constraints=[box], slack=weights).step(here)
+        for tasks in (levels, levels[:1])
+    ]
+    assert all(tick.ok for tick in ticks)
+    speed, alone = (here.jacobian("left_hand")[0] @ tick.velocity for tick in ticks)
+    if first:  # strictly convex in the slack: one optimum of it
+        assert ticks[0].slack == pytest.approx(ticks[1].slack, rel=1e-6)
+        assert speed == pytest.approx(alone, rel=1e-6) and speed > 1e-2
+    else:
+        assert not ticks[0].slack and speed < 1e-2
 
 
 def test_slack_of_a_name_that_two_constraints_have_is_refused(hoap2: Robot, here: Snapshot) -> None:

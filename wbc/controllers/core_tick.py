@@ -170,7 +170,7 @@ class CoreTick:
         weights = self._slack_weights
         if weights is None:
             return {}
-        slack = self.views_of(self.level).z[-weights.size :] / weights
+        slack = self.views.z[-weights.size :] / weights  # which lower levels keep
         missed = np.flatnonzero(np.abs(slack) > NEGLIGIBLE)
         return {self._row_labels[k]: float(slack[k]) for k in missed.tolist()}
 

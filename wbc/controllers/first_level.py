@@ -91,13 +91,8 @@ class FirstLevel:
         said = "weights are too far apart for numbers: what is light was lost beside the heaviest"
         return found._replace(y=y, z=z, z_box=z_box, message=said)
 
-    def solve_once(self, qp: QP, weights: Array | None = None) -> Solution:
-        """Return the checked solution of a QP, without a warm start.
-
-        ``weights``: (m,) of slacks; None: all rows are hard.
-        """
-        if weights is not None:
-            return self._core.solve_soft(qp, weights)
+    def solve_once(self, qp: QP) -> Solution:
+        """Return the checked solution of a QP, without a warm start."""
         return self._core.solve(qp, quick=True)
 
     def _solve_by_backend(self, qp: QP, workspace: Hashable, deadline_over: bool) -> Solution:

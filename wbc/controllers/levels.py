@@ -150,7 +150,7 @@ class Levels:
                 singular = self._modify_qp(core, core_tick, level, snapshot)
             solved = core.solve_level(core_tick, level)
             if not solved:
-                found = self.first.solve_once(core_tick.qp_of(level), core_tick.slack_weights)
+                found = self.first.solve_once(core_tick.qp_of(level))
                 solved = found.solved and found.residuals.primal <= TOLERANCE
                 if solved:
                     core_tick.set_solution(level, found)

@@ -26,7 +26,8 @@ class Slacks:
 
     A soft contact is a cost: its rows are met as well as their weight against the tasks allows. A
     soft constraint keeps its rows, each with a slack variable in the QP: as long as it is not
-    overruled it is met exactly, but for (gradient along the row) / weight.
+    overruled it is met exactly, but for (gradient along the row) / weight. Both are of the first
+    priority level: tasks of those below may not overrule them further.
 
     ``weights``: of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
     ``leaving``: the same for contacts that are being released.

@@ -2,7 +2,8 @@
  *
  * What a level achieves for its rows, J x*, is an equality of the levels below; physics, contacts, limits and
  * inequality rows hold on all levels, widened to the solution of the level above, so that rounding makes none
- * infeasible. The command is that of the last level that was solved.
+ * infeasible, and soft rows give way by what the first level needs. The command is that of the last level that was
+ * solved.
  */
 #include "linear.h"
 #include "margin.h"
@@ -82,9 +83,9 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at) {
     return DONE;
 }
 
-/* Compliance of the inequality rows, (m): of those given by Python only. 0: all are hard. */
-static const double *user_row_compliance(const wbc_plan *plan, const wbc_qp *qp, double *compliance) {
-    if (!plan->soft) return 0;
+/* Compliance of the inequality rows, (m): of those given by Python only, in the first level. 0: all are hard. */
+static const double *user_row_compliance(const wbc_plan *plan, int64_t level, const wbc_qp *qp, double *compliance) {
+    if (!plan->soft || level) return 0;
     const int64_t nv = plan->tree->nv, k = plan->given_rows;
     memset(compliance, 0, qp->m * sizeof *compliance);
     memcpy(compliance + qp->m - k, plan->given + k * nv + 2 * k, k * sizeof *compliance);
@@ -94,7 +95,7 @@ static const double *user_row_compliance(const wbc_plan *plan, const wbc_qp *qp,
 solve_options solver_options(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
     int64_t *last_pivots = last_pivots_of(plan), *pairs = last_pivots + most_equalities(plan);
     double *compliance = plan->scratch + plan->solver_end - qp->m; /* at the end of the solver's scratch memory */
-    solve_options options = {.compliance = user_row_compliance(plan, qp, compliance),
+    solve_options options = {.compliance = user_row_compliance(plan, level, qp, compliance),
                              .work = pairs,
                              .most = plan->most,
                              .accuracy = 1.0,
@@ -134,9 +135,8 @@ int wbc_pose(const wbc_plan *plan, const double *q, const double *v, int64_t lev
     }
     for (int64_t r = 0; r < qp.m; r++) {
         const double value = dot(n, qp.C + r * n, x);
-        const int hard = !plan->soft || r < qp.m - plan->given_rows;
-        qp.l[r] = hard && value < first.l[r] ? value : first.l[r];
-        qp.u[r] = hard && value > first.u[r] ? value : first.u[r];
+        qp.l[r] = value < first.l[r] ? value : first.l[r];
+        qp.u[r] = value > first.u[r] ? value : first.u[r];
     }
     double heaviest = 0.0;
     qp.heaviest = &heaviest;
