@@ -124,10 +124,12 @@ def agreeing(recovery: list[Cost]) -> list[Cost]:
     if not recovery:
         return []
     J, target = (np.concatenate([one[k] for one in recovery]) for k in range(2))
-    sign = np.where(target < 0.0, -1.0, 1.0) * (np.abs(J).sum(axis=1) == 1.0)  # of joints
-    sign[sign == 0.0] = 1.0
+    rows = np.abs(J).sum(axis=1) != 1.0  # the others are of joints
+    sign = np.where(rows | (target >= 0.0), 1.0, -1.0)
     rate, joints = sign * target, sign[:, None] * J[:, 6:]
-    moved = joints @ joints.T * rate / (np.square(joints).sum(axis=1) + SHORT**2)
+    own = np.square(joints).sum(axis=1)
+    lever = np.maximum(own + SHORT**2, np.where(np.outer(rows, rows), own[:, None], 0.0))
+    moved = joints @ joints.T * rate / lever
     return [Cost(J, sign * np.maximum(rate, np.where(rate > 0.0, moved, -np.inf).max(axis=1)), 1.0)]
 
 

@@ -147,7 +147,8 @@ static double product(int64_t nv, const recovery *a, const recovery *b) {
 }
 
 /* Costs that outweigh the tasks. Where the joints that recover one violation move another one faster than it asks
- * for, it asks for that, so that the slower does not hold the faster back. */
+ * for, it asks for that, so that the slower does not hold the faster back; but rows for no more than the other one's
+ * own rate, or long levers would be thrown by short ones. */
 void recover(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, joints = plan->limited && !plan->torque ? nv - 6 : 0;
     const int64_t all = margin_rows(plan) + plan->pushes + joints;
@@ -157,9 +158,11 @@ void recover(const wbc_plan *plan, const double *q, const double *v, const wbc_q
         double rate = own.rate;
         for (int64_t l = 0; l < all; l++) {
             if (l == k || !find_recovery(plan, q, v, qp, l, &other) || other.rate <= 0.0) continue;
-            const double size = product(nv, &other, &other) + SHORT_LEVER * SHORT_LEVER,
-                         shared = other.rate * product(nv, &own, &other);
-            if (shared > rate * size) rate = shared / size;
+            const double shared = other.rate * product(nv, &own, &other);
+            const double of_own = own.row && other.row ? product(nv, &own, &own) : 0.0;
+            double lever = product(nv, &other, &other) + SHORT_LEVER * SHORT_LEVER;
+            if (of_own > lever) lever = of_own;
+            if (shared > rate * lever) rate = shared / lever;
         }
         const double size = dominating_weight(qp) * own.weight * own.weight;
         if (!own.row) {
