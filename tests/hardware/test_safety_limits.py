@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.safety import Fault, Safety
@@ -70,6 +71,25 @@ def watched(checks: SensorChecks, k: int, force: float, **changed: Any) -> tuple
 def test_limits_that_nothing_can_exceed_or_keep_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(InvalidInputError, match="safety limits, "):
         replace(LIMITS, **wrong)
+
+
+def test_joints_without_a_motor_need_no_effort_limit() -> None:
+    """Efforts are asked for where there are motors, and all that lack one are named."""
+    free = urdf.joint("hip", "trunk", "thigh", limit=urdf.limit(effort=0))
+    knee = urdf.joint("knee", "thigh", "shank", limit=urdf.limit(effort=9))
+    text = urdf.robot("leg", *map(urdf.link, ("trunk", "thigh", "shank")), free, knee)
+    gains = np.ones(2), np.ones(2)
+    with pytest.raises(InvalidInputError, match="hip of leg have no effort limit"):
+        SafetyLimits.of(Robot.load(text, feet={}), *gains)
+    limits = SafetyLimits.of(Robot.load(text, feet={}, unactuated=["hip"]), *gains)
+    assert limits.effort[1] == 9.0 and np.isfinite(limits.effort[0])
+    safety = Safety(limits, np.ones(2), DT)
+    still = np.zeros(2)
+    safety.measured(
+        reading(position=still, velocity=still, torque=np.array((1e-3, 0.0)), temperature=still)
+    )
+    safety.judge(0.0)
+    assert not safety.present  # what a sensor reads there is no overload
 
 
 def test_limits_may_be_lists_and_nobody_changes_them() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import rows_of
 from wbc.robot import Robot
+from wbc.robot.limits import UNLIMITED
 from wbc.validate import Array, check_fields, finite_array, names_of, read_only, set_fields
 
 
@@ -89,17 +90,20 @@ class SafetyLimits:
     def of(cls, robot: Robot, kp: Array, kd: Array) -> SafetyLimits:
         """Return a robot's limits; the torque rate is from one bound to the other in 10 ms.
 
+        A joint without a motor needs no effort limit: no torque acts there.
+
         Raises
         ------
         InvalidInputError
-            Joints without an effort limit.
+            Motors without an effort limit.
         """
-        found = robot.limits
-        if found.without_effort:
+        found, effort = robot.limits, np.minimum(robot.limits.effort, UNLIMITED)
+        without = [name for name in found.without_effort if name not in robot.motorless]
+        if without:
             raise InvalidInputError(
-                f"safety limits: {found.without_effort[0]!r} of {robot.name} has no effort limit;"
-                " write it into the robot's file"
+                f"safety limits: {', '.join(without)} of {robot.name} have no effort limit; write"
+                " it into the robot's file, or give Robot.load(..., effort={joint: N m})"
             )
-        rate = 2.0 * found.effort / 0.010
-        joints = found.lower, found.upper, found.velocity, found.effort
+        rate = 2.0 * effort / 0.010
+        joints = found.lower, found.upper, found.velocity, effort
         return cls(robot.joint_names, *joints, kp, kd, rate)
