@@ -30,7 +30,8 @@ LARGEST_SIZE, LARGEST_MASS = 20.0, 5000.0  # m, kg: beyond, the file is in other
 # rad: largest plausible median range of a robot's joints, a little more than two turns (continuous
 # joints are written as 1.5 turns); and the range that stands for no limit.
 MEDIAN_RANGE, NO_LIMIT = 13.0, 400.0
-LARGEST_EFFORT, LARGEST_SPEED = 1e5, 1e4  # N m or N, rad/s or m/s: of any robot's joint
+LARGEST_EFFORT = 1e5  # N m or N: of any robot's joint
+LARGEST_SPEED = 120.0  # rad/s or m/s: of any robot's joint; wheels reach 111
 LEAST_MEDIAN_RANGE = 0.06  # rad: smallest plausible one; 3.4 rad read as degrees
 FEW_JOINTS = 6  # too few to tell a robot's size by their positions
 
@@ -202,16 +203,16 @@ def _immobile_joints(model: pin.Model) -> tuple[str, ...]:
 def _placeholder_limits(model: pin.Model) -> tuple[str, ...]:
     """Note limits that bound nothing, such as the 1e9 that Gazebo's models have."""
     notes = list[str]()
-    for kind, limits, largest in (
-        ("effort", model.effortLimit, LARGEST_EFFORT),
-        ("speed", model.velocityLimit, LARGEST_SPEED),
+    for kind, limits, largest, unit in (
+        ("effort", model.effortLimit, LARGEST_EFFORT, ""),
+        ("speed", model.velocityLimit, LARGEST_SPEED, " or are in degrees"),
     ):
         vast = [
             f"{model.names[j]} {limits[model.idx_vs[j]]:g}"
             for j in range(2, model.njoints)
             if largest < limits[model.idx_vs[j]] < UNLIMITED
         ]
-        notes += noted(f"{kind} limits in the file that bound nothing: {{}}", vast)
+        notes += noted(f"{kind} limits in the file that bound nothing{unit}: {{}}", vast)
     return tuple(notes)
 
 

@@ -219,8 +219,10 @@ def test_joints_without_range_or_speed_are_told() -> None:
     assert "limits leave these joints no range: j at 0.5" in still.notes
     slow = Robot.load(ARM.replace('velocity="3"', 'velocity="0"'))
     assert "speed limits of 0 are taken as none: j" in slow.notes
-    vast = Robot.load(ARM.replace('velocity="3"', 'velocity="1e9"'))  # as an ergoCub's
-    assert "speed limits in the file that bound nothing: j 1e+09" in vast.notes
+    for speed in ("1e+09", "360"):  # as an ergoCub's; in degrees, a turn per second
+        vast = Robot.load(ARM.replace('velocity="3"', f'velocity="{speed}"'))
+        told = f"speed limits in the file that bound nothing or are in degrees: j {speed}"
+        assert told in vast.notes
     assert not any("range" in note or "speed" in note for note in Robot.load(ARM).notes)
 
 
