@@ -79,6 +79,28 @@ def test_motors_with_activations_give_what_these_or_their_controls_bound(
     np.testing.assert_allclose(found, data.qfrc_actuator[6], rtol=rtol)
 
 
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ('muscle name="a" joint="motor" lengthrange="0 1"', ["both ways: a", "(delay, dyntype)"]),
+        ('damper name="a" joint="motor" kv="3" ctrlrange="0 1"', ["both ways: a"]),
+        ('general name="a" joint="motor" dyntype="filter" dynprm=".1"', ["not used: a"]),
+        ('motor name="a" joint="motor" delay=".01" nsample="9"', ["not used: a"]),
+        ('position name="a" joint="motor" kp="9" kv="1" forcerange="-9 9"', []),
+    ],
+)
+def test_what_gives_no_torque_at_once_or_both_ways_is_told(actuator: str, told: list[str]) -> None:
+    content = text(f"<{actuator}/>")
+    try:
+        mujoco.MjModel.from_xml_string(content)
+    except ValueError:
+        pytest.skip("this MuJoCo has no such actuator")
+    notes = Robot.load(content).notes
+    found = [one for one in notes if "muscles" in one or "at once" in one]
+    assert len(found) == len(told)
+    assert all(words in note for words, note in zip(told, found, strict=True))
+
+
 def test_actuators_after_one_with_two_controls_keep_their_ranges() -> None:
     """Newer MuJoCo counts controls, which are more than actuators."""
     two = '<dcmotor joint="servo" motorconst="1" resistance="1" input="pos vel"'

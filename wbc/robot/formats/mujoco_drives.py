@@ -172,7 +172,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
         "actuators of groups that the file switches off, or whose gear is 0, drive nothing: {}",
         [names.actuators[k] for k in every if k not in acting],
     )
-    notes += _disabled_notes(part)
+    notes += _disabled_notes(part) + _actuator_notes(part, [k for k in acting if acting[k] in mine])
     driven = {joint for joint in acting.values() if joint in mine}
     still = unactuated_joints(part)
     if still is None and looped:
@@ -214,6 +214,35 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     if model.opt.density or model.opt.viscosity:
         notes += ("the medium of the file (density, viscosity, wind) is not used",)
     return notes
+
+
+def _actuator_notes(part: RobotPart, motors: Collection[int]) -> tuple[str, ...]:
+    """Return notes of actuators of which the torque is not at once what is asked."""
+    mujoco, model, names = part.mujoco, part.model, part.names
+    # Dampers are those whose control multiplies the speed.
+    other = [
+        names.actuators[k]
+        for k in motors
+        if model.actuator_gaintype[k] == mujoco.mjtGain.mjGAIN_MUSCLE
+        or (
+            model.actuator_gaintype[k] == mujoco.mjtGain.mjGAIN_AFFINE
+            and model.actuator_gainprm[k, 2] != 0.0
+        )
+    ]
+    delays = getattr(model, "actuator_delay", np.zeros(len(actuators_of(model))))  # newer MuJoCo
+    late = [
+        names.actuators[k]
+        for k in motors
+        if delays[k] > 0.0 or model.actuator_dyntype[k] != mujoco.mjtDyn.mjDYN_NONE
+    ]
+    return (
+        *noted("muscles and dampers are taken for motors that pull both ways: {}", other),
+        *noted(
+            "motors give their torque at once: delays and activations (delay, dyntype) are not"
+            " used: {}",
+            late,
+        ),
+    )
 
 
 def _disabled_notes(part: RobotPart) -> tuple[str, ...]:
