@@ -11,6 +11,8 @@ import pytest
 
 from tests.command import wbc_command
 from tests.needs import needs_compiler
+from tests.robot.formats.mjcf_texts import arm as mjcf_arm
+from tests.robot.formats.mjcf_texts import text as mjcf_text
 from wbc.codegen import CodegenError, export_problem
 from wbc.errors import InvalidInputError
 from wbc.hardware.unitree import profile_named
@@ -247,6 +249,16 @@ def test_what_no_loop_can_run_is_written_for_no_robot(
     with pytest.raises(InvalidInputError, match=said):
         export_problem(path, tmp_path / "c", ticks=2, robot=profile_named("unitree_g1"))
     assert not (tmp_path / "c").exists()
+
+
+def test_joints_with_springs_are_named_with_what_to_do(tmp_path: Path) -> None:
+    arm = mjcf_text(
+        mjcf_arm('stiffness="5" springref=".1"'), tail='<actuator><motor joint="j1"/></actuator>'
+    )
+    (tmp_path / "arm.xml").write_text(arm)
+    path = write(tmp_path, BOLTED.replace("hoap2_like", "arm.xml").replace("left_hand", "arm"))
+    with pytest.raises(CodegenError, match=r"springs.* \(j1\); leave them .* level: velocity"):
+        export_problem(path, tmp_path / "c")
 
 
 def test_a_safety_layer_of_an_earlier_export_is_not_left_beside_another_controller(

@@ -61,7 +61,13 @@ def _unsupported(controller: Controller) -> str | None:
     if isinstance(controller, TorqueController) and controller.friction_compensation:
         return "dry friction to make up for; leave controller.friction_compensation out"
     if torque and controller.robot.passive:
-        return "springs and other forces that no motor gives"
+        passive = controller.robot.passive
+        owners = {**passive.springs, **passive.curved_damping}, (x.frame for x in passive.lifts)
+        return (
+            "springs, curved damping and gravity compensation"
+            f" ({', '.join(name for one in owners for name in one)}); leave them out of the"
+            " robot's file, or use level: velocity"
+        )
     for task in (*controller.tasks, *controller.plan.held.contacts):
         if (unknown := _unknown_of(task, torque)) is not None:
             return unknown
