@@ -1,5 +1,6 @@
 """A human fitted to the markers of a known motion."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import wbc
 from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
+from wbc.cli.analyze_report import verdict
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
@@ -750,6 +752,20 @@ def test_a_foot_that_rests_some_cm_high_carries_the_human_where_no_other_one_doe
     assert not feet_down(robot, lies, time, 0.0)[20:80, 0].any()
     places[left][:, 2, 3] = places[right][:, 2, 3] = 0.05 + 0.07 - 4.905 * (time - 0.5) ** 2
     assert not feet_down(robot, places, time, 0.0)[20:-20].any()
+
+
+def test_the_verdict_tells_feet_that_stand_on_ground_that_drifts() -> None:
+    """After 1 s of standing on level ground all markers rise by 40 mm, and stay there."""
+    _, standing = marching(1.0)
+    poses = Poses(*(np.repeat(part[:1], 600, axis=0) for part in vars(standing).values()))
+    recording, _ = recorded(BODY, posed=(np.arange(600) / 200.0, poses))
+    places = recording.positions.copy()
+    places[:, :, 2] += 0.04 * np.clip(recording.time - 1.0, 0.0, 1.0)[:, None]
+    human = human_motion(replace(recording, positions=places), mass=72.0, ground_height=0.0)
+    said = str(verdict(wbc.analyze(human.motion, cutoff=6.0, noise=None), human))
+    unknown, higher = map(int, re.findall(r"[Ii]n (\d+) of", said)[:2])
+    assert "a foot stands by its speed, above the ground" in said, said
+    assert 0.9 * unknown < higher <= unknown, said
 
 
 def test_missing_markers_are_named() -> None:

@@ -253,7 +253,7 @@ def _print(series: RmpSeries, human: HumanMotion | None, written: list[Path]) ->
 
     if human is not None:
         print_human(human)
-    print_analysis(series, human is not None)
+    print_analysis(series, human)
     if human is not None and human.recording.plates:
         print_plates(beside_plates(series, human))
     print_written(written, 9)

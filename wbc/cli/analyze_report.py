@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.text import Text
@@ -16,11 +17,14 @@ from wbc.motion.dropouts import Dropout
 from wbc.motion.uncertainty import BAND
 from wbc.validate import Array, Bools
 
+if TYPE_CHECKING:
+    from wbc.human import HumanMotion
+
 SHOWN_DROPOUTS = 10
 NEAR_END = "within a period of the low-pass of an end, where it extrapolates the motion"
 
 
-def print_analysis(series: RmpSeries, human: bool) -> None:
+def print_analysis(series: RmpSeries, human: HumanMotion | None) -> None:
     """Print dropouts, noise, the table and the verdict."""
     console = plain_console()
     seconds = float(series.time[-1] - series.time[0])
@@ -98,7 +102,7 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Array, Array | None]]
     yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1), None
 
 
-def verdict(series: RmpSeries, human: bool = False) -> Text:
+def verdict(series: RmpSeries, human: HumanMotion | None = None) -> Text:
     """Return a line about CoP, flight and axes, without claims that noise could explain."""
     count, line = len(series), Text()
     unknown = int(series.cop_unknown.sum())
@@ -113,7 +117,7 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
             style="yellow",
         )
     elif series.infeasible.any():
-        line.append(*_outside(series, margin, human))
+        line.append(*_outside(series, margin, human is not None))
     elif series.cop_outside.any() and noise is not None and noise.cop_margin is not None:
         line.append(*_perhaps_outside(series, margin, noise.cop_margin))
     else:
@@ -122,7 +126,8 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
         if unsure:
             line.append(f"In {unsure} of {count} frames it may be outside within the noise. ")
     if unknown and checked:
-        line.append(f"In {unknown} of {count} frames no sole touches the ground. ")
+        line.append(f"In {unknown} of {count} frames no sole touches the ground")
+        line.append(f"{_standing_higher(series, human)}. " if human is not None else ". ")
     if series.flight.any():
         line.append(f"The ground does not push in {series.flight.sum()} of {count} frames")
         if not (series.flight & ~_extrapolated(series)).any():
@@ -133,6 +138,16 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
     if undefined:
         line.append(f"Principal axes undefined in {undefined} frames.")
     return line
+
+
+def _standing_higher(series: RmpSeries, human: HumanMotion) -> str:
+    """Return in how many of the frames without a CoP a foot stands all the same."""
+    from wbc.human.contacts import nearest_rows
+
+    down = human.down[nearest_rows(human.motion.time, series.time)].any(axis=1)
+    higher = int((series.cop_unknown & down).sum())
+    where = "by its speed, above the ground: it rolls, or the recording drifts (see --ground)"
+    return f"; in {higher} of them a foot stands {where}" if higher else ""
 
 
 def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
