@@ -230,3 +230,40 @@ def test_an_encoder_that_begins_anew_after_a_turn_has_not_jumped(hoap2: Robot, t
         at = np.remainder(np.pi - 0.2 + rate * DT * k + np.pi, 2.0 * np.pi) - np.pi
         joints = {"position": np.where(moves, at, still), "velocity": rate * moves, **others}
         assert watched(checks, k, 9.81, **joints) == (True, ())
+
+
+@pytest.mark.parametrize("ahead", [0.009, 0.011, 0.03, 0.049])
+def test_one_time_ahead_costs_one_reading_at_most(ahead: float) -> None:
+    """It was taken for the freshest one: all after it were too old, and the robot went down."""
+    checks, late = SensorChecks(ROBOT), 0.009  # of the last readings
+    usable = [
+        watched(checks, k, 9.81, time=DT * k + ahead * (k == 20) - late * (k > 50))[0]
+        for k in range(60)
+    ]
+    assert [k for k, good in enumerate(usable) if not good] == ([20] if ahead > 0.01 else [])
+
+
+def test_a_first_message_that_came_late_costs_five_readings() -> None:
+    checks = SensorChecks(ROBOT)
+    usable = [watched(checks, k, 9.81, time=DT * k - 0.03 * (k == 0))[0] for k in range(60)]
+    assert usable[0] and not any(usable[1:6]) and all(usable[6:])
+
+
+def test_a_joint_without_a_range_is_held_in_the_turn_of_its_encoder() -> None:
+    """Where that began anew, the target was a turn away, and the motor pushed with its effort."""
+    endless = np.where(np.arange(N) == 3, np.inf, 1.0)
+    safety = standing_up(replace(LIMITS, lower=-endless * 10.0, upper=endless * 10.0))
+    rows = np.zeros(N), np.zeros(N), np.full(N, 100.0), np.full(N, 5.0)
+
+    def admitted(encoder: float, target: float | None) -> Command:
+        position = np.where(np.arange(N) == 3, encoder, 0.0)
+        safety.measured(reading(position=position))
+        if target is None:
+            return safety.admit(None)
+        goal = np.where(np.arange(N) == 3, target, 0.0)
+        return safety.admit(Command(1, goal, *rows))
+
+    assert admitted(np.pi - 1e-3, np.pi - 1e-3).position[3] == pytest.approx(np.pi - 1e-3)
+    for target in (None, np.pi, 5.0 * np.pi + 1e-3, -np.pi + 1e-3):
+        error = admitted(-np.pi + 1e-3, target).position[3] - (-np.pi + 1e-3)
+        assert abs(error) < 3e-3, target

@@ -7,6 +7,7 @@ It is independent of the controller. In each cycle it gets the measurements and 
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,7 +22,7 @@ from wbc.hardware.bus import Command, Reading, rows_of
 from wbc.hardware.safety_limits import SafetyLimits
 from wbc.kinds import check_kind
 from wbc.rotations import rotation_from
-from wbc.validate import Array, finite_array, finite_number
+from wbc.validate import Array, Bools, finite_array, finite_number
 
 # ---------------------------------------------------------------------- modes
 
@@ -190,6 +191,7 @@ class Safety:
         if not (self.damping >= 0.0).all():
             raise InvalidInputError("safety, damping: must not be negative: joints would speed up")
         self.limits, self.dt = limits, finite_number("safety, dt", dt, above=0.0)
+        self._endless = np.isinf(limits.lower) & np.isinf(limits.upper)
         self.mode = Mode.IDLE
         self.events = deque[Event](maxlen=1000)
         self.counts = Counter[Fault]()
@@ -339,9 +341,10 @@ class Safety:
             return self._hold_last(q, v)
         limits, last = self.limits, self._last
         position, velocity, torque, kp, kd = rows
+        position = nearest_turn(position, q, self._endless)
         kp, kd = np.clip(kp, 0.0, limits.kp), np.clip(kd, 0.0, limits.kd)
         max_change = limits.velocity * self.dt
-        reference = np.where(last.kp > 0.0, last.position, q)
+        reference = np.where(last.kp > 0.0, nearest_turn(last.position, q, self._endless), q)
         position = np.clip(position, reference - max_change, reference + max_change)
         position = np.clip(position, limits.lower, limits.upper)
         velocity = np.clip(velocity, -limits.velocity, limits.velocity)
@@ -358,6 +361,9 @@ class Safety:
 
     def _hold_last(self, q: Array, v: Array) -> Command:
         """Return the last command, its torque limited at the present state."""
+        position = nearest_turn(self._last.position, q, self._endless)
+        if not np.array_equal(position, self._last.position):
+            self._last = replace(self._last, position=position)
         over = np.abs(self._last.motor_torque(q, v)) > self.limits.effort + 1e-9
         return self._remember(self._within_effort(self._last, q, v)) if over.any() else self._last
 
@@ -373,3 +379,14 @@ class Safety:
     def _remember(self, command: Command) -> Command:
         self._last = command
         return command
+
+
+def nearest_turn(position: Array, to: Array, endless: Bools) -> Array:
+    """Return positions (n,) [rad], those of ``endless`` joints in the turn nearest to others (n,).
+
+    Encoders of joints without a range begin anew after a turn: what is half a turn or more away is
+    nearer the other way round. What is too far to be a position stays.
+    """
+    way = position - to
+    turns = np.where(endless & (np.abs(way) < MAX_MAGNITUDE), np.rint(way / math.tau), 0.0)
+    return np.asarray(position - math.tau * turns)

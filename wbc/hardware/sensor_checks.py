@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.hardware.bus import RESTART_GAP, ROWS, Reading, rows_of
-from wbc.hardware.safety import Fault
+from wbc.hardware.safety import Fault, nearest_turn
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
 from wbc.rotations import rotation_from
@@ -58,10 +57,11 @@ class SensorChecks:
         limits, self._names = robot.limits, robot.joint_names
         self._lower, self._upper = limits.lower, limits.upper
         self._velocity, self._effort = limits.velocity, limits.effort
-        self._turns = np.flatnonzero(np.isinf(limits.lower) & np.isinf(limits.upper)).tolist()
+        self._endless = np.isinf(limits.lower) & np.isinf(limits.upper)
         self._window = deque[Reading]()  # usable ones
         self._velocities, self._gyroscopes = np.zeros(len(self._names)), np.zeros(3)  # their sums
         self._offset: float | None = None  # of our clock from the robot's, smallest
+        self._last_offset = 0.0
         self.jumped_back = 0.0
         self._new_offsets = deque[float](maxlen=CLOCK_AGREEMENT)
         self._last_change = [0.0, 0.0]  # of gyroscope and accelerometer [s]
@@ -153,20 +153,23 @@ class SensorChecks:
     def _check_time(self, time: float, now: float) -> SensorFinding | None:
         offset = now - time
         if self._offset is None:
-            self._offset = offset
+            self._offset = self._last_offset = offset
         age = offset - self._offset
-        if -CLOCK_JUMP < age <= MAX_AGE:
-            # The smallest offset so far is that of no delay; it adapts by 1e-4 to clock drift.
-            self._offset = min(offset, self._offset + 1e-4 * max(age, 0.0))
+        if abs(age) <= MAX_AGE:
+            # The smallest offset of two readings so far, since one time may be wrong, is that of no
+            # delay; it adapts by 1e-4 to clock drift.
+            fresh, self._last_offset = max(offset, self._last_offset), offset
+            self._offset = min(fresh, self._offset + 1e-4 * max(age, 0.0))
             self._new_offsets.clear()
             return None
         self._new_offsets.append(offset)
         spread = max(self._new_offsets) - min(self._new_offsets)
-        if len(self._new_offsets) == CLOCK_AGREEMENT and spread < MAX_AGE and abs(age) > CLOCK_JUMP:
+        jumped = age > CLOCK_JUMP or age < 0.0  # what is late by less may be delayed for long
+        if len(self._new_offsets) == CLOCK_AGREEMENT and spread < MAX_AGE and jumped:
             self.jumped_back += min(self._new_offsets) - self._offset
             self._new_offsets.clear()
             return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s; taken as it is now")
-        if age > CLOCK_JUMP or age < 0.0:
+        if jumped:
             return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s")
         return SensorFinding(Fault.OLD_READING, f"by {1e3 * age:.0f} ms")
 
@@ -206,11 +209,8 @@ class SensorChecks:
         return None
 
     def _motion(self, before: Reading, now: Reading) -> Array:
-        """Return how far joints moved (n,): encoders without a range begin anew after a turn."""
-        moved: Array = now.position - before.position
-        for k in self._turns:
-            moved[k] = math.remainder(moved[k], math.tau)
-        return moved
+        """Return how far joints moved (n,)."""
+        return nearest_turn(now.position, before.position, self._endless) - before.position
 
     # ------------------------------------------------------------------ inconsistent sensors
 
@@ -237,7 +237,7 @@ class SensorChecks:
 
     def _check_gravity(self, r: Reading) -> list[SensorFinding]:
         force = rotation_from(r.quaternion) @ r.specific_force
-        elapsed = r.time - self._window[-1].time if self._window else 0.0
+        elapsed = max(r.time - self._window[-1].time, 0.0) if self._window else 0.0
         self._gravity = self._gravity + min(elapsed / GRAVITY_TIME, 1.0) * (force - self._gravity)
         norm = float(np.linalg.norm(self._gravity))
         if MIN_GRAVITY <= norm <= MAX_GRAVITY or not self._window:

@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-static const double TURN = 6.28318530717958647692; /* rad */
-
 void wbc_checks_start(wbc_checks *c) {
     memset(c, 0, sizeof *c);
     c->sequence = -1, c->gravity[2] = 9.81;
@@ -41,12 +39,15 @@ static int finite(const wbc_reading *r) {
 
 static int timely(wbc_checks *c, double time, double now) {
     const double offset = now - time;
-    if (!c->knows_offset) c->offset = offset, c->knows_offset = 1;
+    if (!c->knows_offset) c->offset = c->last_offset = offset, c->knows_offset = 1;
     const double age = offset - c->offset;
-    if (age > -WBC_CLOCK_JUMP && age <= WBC_MAX_AGE) {
-        /* The freshest reading so far is new; 1e-4 of it is forgotten, for clocks that drift. */
+    const int jumped = age > WBC_CLOCK_JUMP || age < 0.0; /* what is late by less may be delayed for long */
+    if (fabs(age) <= WBC_MAX_AGE) {
+        /* The freshest two readings so far are new, since one time may be wrong; 1e-4 of it is forgotten, for clocks
+         * that drift. */
+        const double fresh = offset > c->last_offset ? offset : c->last_offset;
         const double drifted = c->offset + 1e-4 * (age > 0.0 ? age : 0.0);
-        c->offset = offset < drifted ? offset : drifted;
+        c->offset = fresh < drifted ? fresh : drifted, c->last_offset = offset;
         c->strangers = 0;
         return -1;
     }
@@ -57,11 +58,11 @@ static int timely(wbc_checks *c, double time, double now) {
         low = c->strange[k] < low ? c->strange[k] : low;
         high = c->strange[k] > high ? c->strange[k] : high;
     }
-    if (c->strangers == WBC_CLOCK_AGREEMENT && high - low < WBC_MAX_AGE && fabs(age) > WBC_CLOCK_JUMP) {
+    if (c->strangers == WBC_CLOCK_AGREEMENT && high - low < WBC_MAX_AGE && jumped) {
         c->jumped_back += low - c->offset, c->strangers = 0;
         return WBC_FAULT_CLOCK_JUMPED;
     }
-    return age > WBC_CLOCK_JUMP || age < 0.0 ? WBC_FAULT_CLOCK_JUMPED : WBC_FAULT_OLD_READING;
+    return jumped ? WBC_FAULT_CLOCK_JUMPED : WBC_FAULT_OLD_READING;
 }
 
 static int possible(const wbc_reading *r) {
@@ -79,10 +80,8 @@ static int possible(const wbc_reading *r) {
     return 1;
 }
 
-/* How far a joint moved: encoders without a range begin anew after a turn. */
 static double motion(const wbc_reading *before, const wbc_reading *now, int j) {
-    const double moved = now->position[j] - before->position[j];
-    return isinf(wbc_limits.lower[j]) && isinf(wbc_limits.upper[j]) ? remainder(moved, TURN) : moved;
+    return wbc_nearest_turn(j, now->position[j], before->position[j]) - before->position[j];
 }
 
 static int jumped(wbc_checks *c, const wbc_reading *r) {
@@ -154,7 +153,7 @@ static void compare_gravity(wbc_checks *c, const wbc_reading *r, wbc_safety *s) 
     double R[9], force[3];
     wbc_rotation(r->quaternion, R);
     times3(R, r->force, force);
-    const double passed = c->count ? r->time - past(c, c->count - 1)->time : 0.0;
+    const double since = c->count ? r->time - past(c, c->count - 1)->time : 0.0, passed = since > 0.0 ? since : 0.0;
     const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
     for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
     const double size = norm3(c->gravity); /* in free fall there is no direction */

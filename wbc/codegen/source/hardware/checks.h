@@ -13,11 +13,12 @@ typedef struct {
     int first, count;
     double velocities[WBC_JOINTS], spins[3]; /* their sums */
     int knows_offset, strangers;
-    double offset, strange[WBC_AGREEING]; /* of the robot's clock from ours, by the freshest reading */
-    double jumped_back;                   /* sum of the clock's jumps [s], added to times */
-    double changed[2];                    /* when gyroscope and accelerometer last changed */
-    double gravity[3];                    /* mean specific force, world axes */
-    double weighed;                       /* when its size was last plausible */
+    double offset, strange[WBC_AGREEING]; /* of the robot's clock from ours, by the freshest readings */
+    double last_offset;
+    double jumped_back; /* sum of the clock's jumps [s], added to times */
+    double changed[2];  /* when gyroscope and accelerometer last changed */
+    double gravity[3];  /* mean specific force, world axes */
+    double weighed;     /* when its size was last plausible */
 } wbc_checks;
 
 void wbc_checks_start(wbc_checks *c);

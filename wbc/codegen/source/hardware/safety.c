@@ -115,6 +115,13 @@ static int is_finite(const wbc_motors *c) {
     return sum == 0.0;
 }
 
+double wbc_nearest_turn(int j, double position, double to) {
+    static const double turn = 6.28318530717958647692; /* rad */
+    const double way = position - to;                  /* too far to be a position: that stays */
+    const int endless = isinf(wbc_limits.lower[j]) && isinf(wbc_limits.upper[j]) && fabs(way) < WBC_HUGE;
+    return endless ? position - turn * rint(way / turn) : position;
+}
+
 /* Reduce gains and torques so that motors give at most their effort at the present state. */
 static void limit_effort(const wbc_safety *s, wbc_motors *c) {
     for (int j = 0; j < WBC_JOINTS; j++) {
@@ -130,6 +137,7 @@ static void limit_effort(const wbc_safety *s, wbc_motors *c) {
 static void hold(wbc_safety *s) {
     double torque[WBC_JOINTS];
     int over = 0;
+    for (int j = 0; j < WBC_JOINTS; j++) s->last.position[j] = wbc_nearest_turn(j, s->last.position[j], s->q[j]);
     wbc_motor_torque(&s->last, s->q, s->v, torque);
     for (int j = 0; j < WBC_JOINTS; j++) over |= fabs(torque[j]) > wbc_limits.effort[j] + 1e-9;
     if (over) limit_effort(s, &s->last);
@@ -141,9 +149,10 @@ static void limit(wbc_safety *s, const wbc_motors *wanted) {
     int far = 0;
     double clipped = 0.0;
     for (int j = 0; j < WBC_JOINTS; j++) {
-        const double reach = l->velocity[j] * WBC_CYCLE, held = limited.kp[j] > 0.0 ? limited.position[j] : s->q[j];
-        const double near = clip(wanted->position[j], held - reach, held + reach),
-                     step = l->torque_rate[j] * WBC_CYCLE;
+        const double goal = wbc_nearest_turn(j, wanted->position[j], s->q[j]);
+        const double last = wbc_nearest_turn(j, limited.position[j], s->q[j]);
+        const double held = limited.kp[j] > 0.0 ? last : s->q[j], reach = l->velocity[j] * WBC_CYCLE;
+        const double near = clip(goal, held - reach, held + reach), step = l->torque_rate[j] * WBC_CYCLE;
         limited.position[j] = clip(near, l->lower[j], l->upper[j]);
         limited.velocity[j] = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
         limited.torque[j] = clip(wanted->torque[j], limited.torque[j] - step, limited.torque[j] + step);

@@ -52,6 +52,8 @@ void wbc_safety_measured(wbc_safety *s, const wbc_reading *reading);
 int wbc_safety_judge(wbc_safety *s);
 /* Return the command to send: wanted within limits, or the last one if wanted is 0. */
 const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted);
+/* A joint's position in the turn nearest to another one: encoders without a range begin anew after a turn. */
+double wbc_nearest_turn(int j, double position, double to);
 /* Motor torques of a command at a state, before their limits. */
 void wbc_motor_torque(const wbc_motors *c, const double *q, const double *v, double *torque);
 
