@@ -294,6 +294,8 @@ def test_files_that_are_not_there_or_of_other_formats_are_told(tmp_path: Path) -
     for name in ("toy.urdf.xacro", "toy.xacro"):
         assert refusal(tmp_path / name).endswith(f"xacro {name} > toy.urdf")
     assert "usda files are not read; export a URDF or an MJCF" in refusal(tmp_path / "toy.usda")
+    (tmp_path / "walk.yaml").write_text("robot: {model: g1}")
+    assert "a problem file; name its robot" in refusal(tmp_path / "walk.yaml")
     for name, begin in (("toy.mjz", b"PK\x03\x04"), ("toy.urdf.gz", b"\x1f\x8b")):
         (tmp_path / name).write_bytes(begin)
         assert "an archive; unpack it, and name the robot" in refusal(tmp_path / name)

@@ -34,6 +34,8 @@ def read_xml(path: Path) -> ET.Element:
         raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {urdf}")
     if path.suffix.startswith(".usd") or path.suffix in (".sdf", ".world"):
         raise ModelError(f"{path}: {path.suffix[1:]} files are not read; export a URDF or an MJCF")
+    if path.suffix in (".yaml", ".yml"):
+        raise ModelError(f"{path}: a problem file; name its robot (robot: {{model: ...}})")
     try:
         if path.is_dir():
             raise ModelError(f"{path}: a folder; name a robot file in it")
