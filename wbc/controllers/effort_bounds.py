@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.constraints.limits import TORQUE_SHARE, Limits
 from wbc.robot import Robot, Snapshot
+from wbc.robot.drives import motors_without_effort
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
@@ -116,7 +117,7 @@ def scaled_effort(robot: Robot, factor: float | None) -> Array:
 
 
 def _warn_unbounded(robot: Robot) -> None:
-    without = [name for name in robot.limits.without_effort if name not in robot.motorless]
+    without = motors_without_effort(robot.limits, robot.motorless)
     if without:
         logging.getLogger(__name__).warning(
             "controller: %s has no effort limit for %s; torques are not bounded there: give"

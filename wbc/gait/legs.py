@@ -202,7 +202,7 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
     snapshot = robot.snapshot(robot.postures[STANDING])
     knee, angles, lengths = _knee(robot, side)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
-    J = _foot_jacobian(robot, side)
+    J = _foot_jacobian(snapshot, side)
     columns = [int(robot.model.idx_vs[joint]) for joint in joints]
     for row, which, where in ((0, hips, "forwards"), (1, columns, "to a side")):
         if float(np.abs(J[row, which]).max()) < MIN_LEVER * float(lengths.max()):
@@ -255,10 +255,9 @@ def _leg(robot: Robot, side: str, given: Limits | None, effort: Array) -> dict[s
     }
 
 
-def _foot_jacobian(robot: Robot, side: str) -> Array:
+def _foot_jacobian(standing: Snapshot, side: str) -> Array:
     """Return a standing foot's Jacobian (6, nv), x ahead, wherever the file has the robot face."""
-    J = (standing := robot.snapshot(robot.postures[STANDING])).jacobian(robot.feet[side].frame)
-    heading = standing_heading(standing)
+    J, heading = standing.jacobian(standing.robot.feet[side].frame), standing_heading(standing)
     if not heading:
         return J
     R = exp_rotation(np.array((0.0, 0.0, -heading)))
@@ -319,7 +318,8 @@ def _knee_branch(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
         np.ptp(angles)
     )
     if symmetric:
-        foot = _foot_jacobian(robot, side)[:3, robot.model.idx_vs[knee]]
+        standing = robot.snapshot(robot.postures[STANDING])
+        foot = _foot_jacobian(standing, side)[:3, robot.model.idx_vs[knee]]
         bends_ahead = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes back, the knee ahead
         branch = slice(straight, None) if bends_ahead else slice(straight + 1)
         angles, lengths = angles[branch], lengths[branch]

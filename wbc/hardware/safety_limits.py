@@ -9,6 +9,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import rows_of
 from wbc.robot import Robot
+from wbc.robot.drives import motors_without_effort
 from wbc.robot.limits import UNLIMITED
 from wbc.validate import Array, check_fields, finite_array, names_of, read_only, set_fields
 
@@ -98,8 +99,7 @@ class SafetyLimits:
             Motors without an effort limit.
         """
         found, effort = robot.limits, np.minimum(robot.limits.effort, UNLIMITED)
-        without = [name for name in found.without_effort if name not in robot.motorless]
-        if without:
+        if without := motors_without_effort(found, robot.motorless):
             raise InvalidInputError(
                 f"safety limits: {', '.join(without)} of {robot.name} have no effort limit; write"
                 " it into the robot's file, or give Robot.load(..., effort={joint: N m})"

@@ -60,9 +60,14 @@ def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, 
     return values
 
 
+def motors_without_effort(limits: JointLimits, motorless: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints with a motor whose largest torque or force is not known, in order."""
+    return tuple(name for name in limits.without_effort if name not in motorless)
+
+
 def effort_note(limits: JointLimits, motorless: Sequence[str] = ()) -> tuple[str, ...]:
     """Return a note that names the actuated joints without an effort limit, if there are any."""
-    without = tuple(name for name in limits.without_effort if name not in motorless)
+    without = motors_without_effort(limits, motorless)
     which = ("any joint",) if without and without == limits.names else without
     return noted(
         "no effort limit is given for {}: torques are not bounded there (effort: ...)", which
