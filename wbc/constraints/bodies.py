@@ -97,12 +97,13 @@ class BodyMargin(Margin):
         if not len(model.pairs):
             none = np.zeros(0, dtype=np.int64)
             return none, none, np.zeros(0), np.zeros((0, self.robot.nv))
-        pairs, found = model.native.within(states.array, states.tree, limit, min_distances)
+        given, native = (states.array, states.tree), model.native
+        pairs, found = native.within(*given, limit, min_distances)
         unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
         known = ~np.isin(pairs[:, 0], unknown)
         pairs, found = pairs[known], found[known]
         clearance = found[:, 0] - min_distances.take(pairs[:, 1])
-        parts = [(*pairs.T, clearance, model.rows_of(states, pairs, found))]
+        parts = [(*pairs.T, clearance, native.rows_within(*given, pairs, found))]
         every = np.arange(len(model.pairs))
         for k in unknown.tolist():
             one = self.distances(self.robot.snapshot(q[k]), every)

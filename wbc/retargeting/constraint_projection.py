@@ -221,7 +221,8 @@ def near_pairs(
         has_normal = found[:, 1:4].any(axis=1)
         near, found = near[has_normal], found[has_normal]
         both = np.column_stack((frames[near], pairs[near]))
-        J[near] = collision.model.rows_of(states, both, found)
+        rows_within = collision.model.native.rows_within
+        J[near] = rows_within(states.array, states.tree, both, found)
     return frames, pairs, clearance, J
 
 

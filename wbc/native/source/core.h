@@ -145,6 +145,9 @@ int wbc_most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t coun
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k, const int64_t *chosen,
                   const double *normal, const double *point, double *rows);
+/* The same of pairs as wbc_pairs_within writes them. */
+int wbc_rows_within(const wbc_pairs *of, const wbc_tree *tree, const double *states, int64_t stride, int64_t k,
+                    const int64_t *chosen, const double *nearest, double *rows);
 /* Write bounds (k) of how far distances end below their linear prediction over a step (nv). turns: scratch, a
  * number a joint. Returns 0. */
 int wbc_curvature_bounds(const wbc_pairs *of, const wbc_tree *tree, const double *step, int64_t k,

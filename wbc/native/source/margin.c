@@ -171,32 +171,22 @@ static int64_t pairs_to_check(const wbc_plan *plan, const wbc_qp *qp, const doub
     return count;
 }
 
-/* The clearance of a pair before the step; infinite if it has no row. */
-static double clearance_of(const wbc_qp *qp, int64_t rows, double pair) {
-    for (int64_t i = 0; i < rows; i++)
-        if (qp->chosen[i] == pair) return qp->clearance[i];
-    return INFINITY;
-}
-
 int enters_margin(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp, double *scratch,
                   int64_t *pairs) {
     const wbc_margin *margin = plan->margin;
     const wbc_tree *tree = plan->tree;
-    const int64_t nv = tree->nv, rows = margin->rows;
+    const int64_t nv = tree->nv, all = margin->of->pairs;
     double *step = scratch, *turns = step + nv, *there = turns + tree->joints;
-    double *arms = there + 2 * nv, *nearest = arms + 3 * tree->joints, *work = nearest + 7 * rows;
+    double *arms = there + 2 * nv, *limit = arms + 3 * tree->joints, *work = limit + all;
     for (int64_t i = 0; i < nv; i++) step[i] = plan->dt * qp->x[i];
-    int64_t k = pairs_to_check(plan, qp, v, step, turns, pairs);
+    const int64_t k = pairs_to_check(plan, qp, v, step, turns, pairs);
     if (k == 0) return 0;
     wbc_integrate(tree, q, step, there);
     place_joints(tree, there, plan->state, arms);
-    if (k < 0) {
-        k = rows;
-        if (wbc_nearest(margin->of, plan->state, k, margin->kept, work, pairs, nearest)) return 1;
-    } else if (wbc_measure(margin->of, plan->state, k, pairs, work, nearest)) return 1;
-    for (int64_t i = 0; i < k; i++) {
-        const double start = clearance_of(qp, rows, (double)pairs[i]) - wbc_rounding;
-        if (nearest[i] - margin->kept[pairs[i]] < smaller(-wbc_skin_per_tick, start)) return 1;
+    for (int64_t p = 0; p < all && k < 0; p++) limit[p] = margin->kept[p] - wbc_skin_per_tick;
+    for (int64_t i = 0; i < margin->rows; i++) { /* those that were nearer may stay so */
+        const int64_t pair = (int64_t)qp->chosen[i];
+        limit[pair] = margin->kept[pair] + smaller(-wbc_skin_per_tick, qp->clearance[i] - wbc_rounding);
     }
-    return 0;
+    return any_nearer(margin->of, plan->state, k, pairs, limit, work);
 }

@@ -19,6 +19,11 @@ static inline double stopping_distance(const wbc_closing *closing, double speed)
 int most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                       const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest);
 
+/* Whether any of k pairs, or, with k < 0, of all, is nearer than its limit (pairs); also where that is unknown. scratch
+ * holds 9 numbers a body and 1 a pair. */
+int any_nearer(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen, const double *limit,
+               double *scratch);
+
 /* Number of margin rows of a plan. */
 static inline int64_t margin_rows(const wbc_plan *plan) { return plan->margin ? plan->margin->rows : 0; }
 
@@ -29,8 +34,7 @@ int recovers_margin(const wbc_plan *plan, const double *v, const wbc_qp *qp, int
                     double *rate);
 
 /* Whether the solution leads from q, where the velocity was v, into the margin, or to where distances are unknown;
- * plan->state is overwritten. scratch holds 3 nv + 4 joints + 7 numbers a row and that of wbc_measure, pairs one
- * each. */
+ * plan->state is overwritten. scratch holds 3 nv + 4 joints + 9 bodies + 2 pairs numbers, pairs one each. */
 int enters_margin(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp, double *scratch,
                   int64_t *pairs);
 

@@ -162,6 +162,17 @@ static double kth_smallest(double *values, int64_t n, int64_t k) {
     return values[k];
 }
 
+/* Replace the largest of n values, the last one; returns what is the largest then, and moves it there. */
+static double replace_largest(double *values, int64_t n, double value) {
+    int64_t largest = n - 1;
+    values[n - 1] = value;
+    for (int64_t i = 0; i < n; i++)
+        if (values[i] > values[largest]) largest = i;
+    value = values[largest];
+    values[largest] = values[n - 1];
+    return values[n - 1] = value;
+}
+
 /* Bound the speeds of the points of each body, by the twists of the joints. */
 static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const double *placed, double *most) {
     for (int64_t b = 0; b < of->bodies; b++) {
@@ -215,13 +226,44 @@ static int bound_by_balls(const wbc_pairs *of, const double *placed, const doubl
     return 1;
 }
 
+/* What most_urgent_pairs knows of each pair: a lower bound of its clearance; what is taken off its distance; and what
+ * was measured, INFINITY before. */
+typedef struct {
+    const wbc_pairs *of;
+    const double *state, *placed;
+    const wbc_closing *closing;
+    double *lower, *less, *found;
+    int64_t overlapping;
+} search;
+
+/* Measure a pair and return its clearance; INFINITY: it is above the limit. By capsules, hulls are only bounded. */
+static double clearance_of(search *s, int64_t p, int by_capsules, double limit) {
+    double *own = s->found + FOUND * p;
+    if (own[0] < INFINITY) return own[0] - s->less[p];
+    const int hulls = s->of->kind[p] == HULLS;
+    const double braking = hulls && s->closing ? longest_stopping_distance(s->of, s->closing, s->placed, p) : 0.0;
+    if (hulls && by_capsules) {
+        measure_capsules(s->of, s->placed, p, own);
+        own[0] -= braking;
+        return own[0] - s->less[p];
+    }
+    const double most = hulls ? limit + s->less[p] + braking : INFINITY;
+    measure(s->of, s->state, s->placed, p, most, own);
+    if (own[0] > most) return own[0] = INFINITY;
+    if (own[0] == -INFINITY) s->overlapping++;
+    if (s->closing) s->less[p] += stopping_distance(s->closing, closing_speed(s->of, s->closing, p, own));
+    return own[0] - s->less[p];
+}
+
 int most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                       const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest) {
     const int64_t pairs = of->pairs;
     double *placed = scratch, *speed = placed + PLACED * of->bodies, *lower = speed + of->bodies;
     double *less = lower + pairs, *sorted = less + pairs, *found = sorted + pairs;
-    double limit;
-    int64_t k = 0, beyond = 0, unknown = 0;
+    const double tie = closing ? TIE : 0.0; /* among ties the lowest numbers */
+    search s = {of, state, placed, closing, lower, less, found, 0};
+    double limit = INFINITY;
+    int64_t k = 0, beyond = 0;
     if (count < 1 || pairs < count) return -1;
     place_bodies(of, state, placed);
     if (kept) memcpy(less, kept, pairs * sizeof *less);
@@ -234,33 +276,29 @@ int most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t count, c
                             ? longest_stopping_distance(of, closing, placed, p)
                             : stopping_distance(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
     }
-    memcpy(sorted, lower, pairs * sizeof *lower);
-    limit = kth_smallest(sorted, pairs, count - 1);
     for (int64_t p = 0; p < pairs; p++) found[FOUND * p] = INFINITY;
-    /* The distances of the count pairs nearest by their balls bound the count-th distance; then all pairs that may
-     * be below it are measured. */
-    for (int round = 0; round < 2; round++) {
+    /* First hulls are bounded by the capsules around them, then measured. Each time the clearances of the count pairs
+     * of least bounds bound the count-th one; then all others that may be below it are measured, and lower it. */
+    for (int by_capsules = 1; by_capsules >= 0; by_capsules--) {
         int64_t measured = 0;
-        for (int64_t p = 0; p < pairs; p++) {
-            double *own = found + FOUND * p;
-            if (lower[p] > limit) continue;
-            if (own[0] == INFINITY) {
-                double most = INFINITY; /* skip hulls whose capsules are too far apart */
-                if (round && of->kind[p] == HULLS)
-                    most = limit + less[p] + (closing ? longest_stopping_distance(of, closing, placed, p) : 0.0);
-                measure(of, state, placed, p, most, own);
-                if (own[0] > most) {
-                    own[0] = INFINITY;
-                    continue;
-                }
-                if (own[0] == -INFINITY && ++unknown >= count) return -1;
-                if (closing) less[p] += stopping_distance(closing, closing_speed(of, closing, p, own));
-            }
-            sorted[measured++] = own[0] - less[p];
-        }
+        memcpy(sorted, lower, pairs * sizeof *lower);
+        const double first = kth_smallest(sorted, pairs, count - 1);
+        for (int64_t p = 0; p < pairs; p++)
+            if (lower[p] <= first) sorted[measured++] = clearance_of(&s, p, by_capsules, INFINITY);
         limit = kth_smallest(sorted, measured, count - 1);
+        for (int64_t p = 0; p < pairs; p++) {
+            if (lower[p] <= first || lower[p] > limit + tie) continue;
+            const double own = clearance_of(&s, p, by_capsules, limit + tie);
+            if (own < limit) limit = replace_largest(sorted, count, own);
+        }
+        for (int64_t p = 0; p < pairs && by_capsules; p++) {
+            double *own = found + FOUND * p;
+            if (own[0] == INFINITY) continue;
+            lower[p] = own[0] - less[p];
+            if (of->kind[p] == HULLS) own[0] = INFINITY;
+        }
     }
-    const double tie = closing ? TIE : 0.0; /* among ties the lowest numbers */
+    if (s.overlapping >= count) return -1;
     for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - tie;
     beyond = count - beyond;
     for (int64_t p = 0; p < pairs && k < count; p++) {
@@ -322,6 +360,20 @@ int64_t wbc_pairs_within(const wbc_pairs *of, const double *states, int64_t n, i
     return k;
 }
 
+int any_nearer(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen, const double *limit,
+               double *scratch) {
+    double *placed = scratch, *lower = placed + PLACED * of->bodies, found[FOUND];
+    place_bodies(of, state, placed);
+    if (k < 0 && !bound_by_balls(of, placed, limit, lower)) return 1;
+    for (int64_t i = 0; i < (k < 0 ? of->pairs : k); i++) {
+        const int64_t p = k < 0 ? i : chosen[i];
+        if (k < 0 && lower[p] >= 0.0) continue;
+        measure(of, state, placed, p, limit[p], found);
+        if (!(found[0] >= limit[p])) return 1;
+    }
+    return 0;
+}
+
 /* Add the force line [n, p x n] times the twists of the joints from one up to another above. */
 static void add_line(const wbc_tree *tree, const double *state, int64_t joint, int64_t above, const double *n,
                      const double *arm, double sign, double *row) {
@@ -335,16 +387,30 @@ static void add_line(const wbc_tree *tree, const double *state, int64_t joint, i
         }
 }
 
+/* The derivative (nv) of a pair's distance by v. */
+static void pair_row(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t p, const double *normal,
+                     const double *point, double *row) {
+    const int64_t *pair = of->pair + 2 * p, above = of->common[p];
+    double arm[3];
+    memset(row, 0, tree->nv * sizeof *row);
+    cross3(point, normal, arm);
+    add_line(tree, state, of->joint[pair[0]], above, normal, arm, 1.0, row);
+    add_line(tree, state, of->joint[pair[1]], above, normal, arm, -1.0, row);
+}
+
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k, const int64_t *chosen,
                   const double *normal, const double *point, double *rows) {
-    memset(rows, 0, k * tree->nv * sizeof *rows);
     for (int64_t i = 0; i < k; i++) {
-        const int64_t *pair = of->pair + 2 * chosen[i], above = of->common[chosen[i]];
-        double n[3], p[3], arm[3], *row = rows + i * tree->nv;
+        double n[3], p[3];
         for (int r = 0; r < 3; r++) n[r] = normal[r * k + i], p[r] = point[r * k + i];
-        cross3(p, n, arm);
-        add_line(tree, state, of->joint[pair[0]], above, n, arm, 1.0, row);
-        add_line(tree, state, of->joint[pair[1]], above, n, arm, -1.0, row);
+        pair_row(of, tree, state, chosen[i], n, p, rows + i * tree->nv);
     }
+    return 0;
+}
+
+int wbc_rows_within(const wbc_pairs *of, const wbc_tree *tree, const double *states, int64_t stride, int64_t k,
+                    const int64_t *chosen, const double *nearest, double *rows) {
+    for (int64_t i = 0; i < k; i++, chosen += 2, nearest += FOUND)
+        pair_row(of, tree, states + chosen[0] * stride, chosen[1], nearest + 1, nearest + 4, rows + i * tree->nv);
     return 0;
 }

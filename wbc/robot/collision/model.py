@@ -13,7 +13,6 @@ from wbc.robot.collision.distances import RawPairs, ShapePairs, split_rows
 from wbc.robot.collision.native_pairs import Closing, NativePairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
-from wbc.robot.series import StateSeries
 from wbc.validate import Array, Bools, Index, finite_array, read_only
 
 # If many bodies touch, so many times as many pairs are requested from the core before all: it does
@@ -72,11 +71,8 @@ class CollisionModel:
         if same.size:
             k = int(same[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        moves = _moving_velocities(robot)
-        self._moves = moves[joints]  # (bodies, nv)
+        self._moves = _moving_velocities(robot)[joints]  # (bodies, nv)
         self._own_twists = np.zeros((6, len(joints)))  # of bodies not attached to the robot
-        # +-1 for velocities that move one body relative to the other.
-        self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._overlapping = ShapePairs(self.bodies, self.pairs)
@@ -210,19 +206,6 @@ class CollisionModel:
         """
         n, p = found.normal.T, found.point.T
         return self.native.rows(snapshot.native_state, found.pairs, n, p)
-
-    def rows_of(self, states: StateSeries, pairs: Index, found: Array) -> Array:
-        """Return :meth:`rows` (k, nv) of pairs that were found in several states.
-
-        Parameters
-        ----------
-        pairs, found:
-            As :meth:`NativePairs.within` returns them.
-        """
-        n, p = found[:, 1:4], found[:, 4:]
-        line = np.hstack((n, np.cross(p, n)))[:, None]  # (k, 1, 6)
-        twists = states.part("twists", 6, -1)[pairs[:, 0]]
-        return np.asarray((line @ twists)[:, 0] * self._signs[pairs[:, 1]])
 
     def twists(self, snapshot: Snapshot) -> Array:
         """Return the bodies' twists (6, bodies): velocity at the world's origin [m/s], spin."""

@@ -188,6 +188,14 @@ class NativePairs:
         lib.wbc_pair_rows(*where, len(pairs), chosen, n, p, doubles(out))
         return out
 
+    def rows_within(self, states: Array, tree: NativeTree, pairs: Index, found: Array) -> Array:
+        """Return the derivatives (k, nv) by v of distances as :meth:`within` gives them."""
+        out, at = np.empty((len(pairs), tree.nv)), (doubles(states), states.shape[1])
+        where = self.struct(tree), tree.struct, *at
+        chosen, nearest = pointer(np.ascontiguousarray(pairs)), pointer(np.ascontiguousarray(found))
+        lib.wbc_rows_within(*where, len(pairs), chosen, nearest, pointer(out))
+        return out
+
     def curvature_bounds(self, tree: NativeTree, pairs: Index, step: Array) -> Array:
         """Return how far (k,) distances may end below their linear prediction [m].
 
