@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import InvalidInputError
+from wbc.native import lib, pointer
 from wbc.validate import Array
 
 # The rotation vector (3,) [rad] of a rotation matrix, of norm at most pi; every tick takes some.
@@ -17,6 +18,13 @@ log_rotation: Callable[[Array], Array] = pin.log3
 def exp_rotation(w: Array) -> Array:
     """Return the rotation matrix (3, 3) of a rotation vector [rad]."""
     return pin.exp3(w)
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Return the rotation vectors (n, 3) [rad] of rotations (n, 3, 3), of norm at most pi."""
+    out = np.empty((len(R), 3))
+    lib.wbc_logarithms(len(R), pointer(np.ascontiguousarray(R)), pointer(out))
+    return out
 
 
 def rotation_from(quaternion_xyzw: Array) -> Array:

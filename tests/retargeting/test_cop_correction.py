@@ -55,6 +55,9 @@ def cop() -> Array:
 def test_com_displacement_is_as_small_as_a_qp_finds(cop: Array, rng: np.random.Generator) -> None:
     time_constant_sq = 0.07 + 0.01 * rng.uniform(size=COUNT)
     off, found = least_com_displacement(cop, time_constant_sq, DT, supports())
+    guess = found + 0.1 * rng.normal(size=found.shape)
+    again = least_com_displacement(cop, time_constant_sq, DT, supports(), guess)
+    np.testing.assert_allclose(again, (off, found), atol=1e-12)  # wherever it begins
     D, rows, most = cop_matrix(time_constant_sq), [], []
     np.testing.assert_allclose(found, cop + D @ off, atol=1e-12)
     np.testing.assert_allclose(cop_displacement(off, time_constant_sq, DT), D @ off, atol=1e-12)

@@ -16,7 +16,7 @@ from wbc.robot.series import (
     state_series,
     velocities,
 )
-from wbc.rotations import rotations_from
+from wbc.rotations import rotation_vectors, rotations_from
 from wbc.spatial import vech_inverse
 
 COUNT = 4
@@ -42,6 +42,9 @@ def test_states_of_the_core_in_a_row(robot: Robot, rng: np.random.Generator) -> 
             np.testing.assert_array_equal(series.position(frame)[k], here.position(frame))
             np.testing.assert_array_equal(series.rotation(frame)[k], here.rotation(frame))
             np.testing.assert_array_equal(series.jacobian(frame)[k], here.jacobian(frame))
+    np.testing.assert_array_equal(
+        robot.integrate_all(q, v), [robot.integrate(*one, 1.0) for one in zip(q, v, strict=True)]
+    )
     steps = velocities(robot, q, 0.5)
     for a, b, step in zip(q[:-1], q[1:], steps, strict=True):
         np.testing.assert_allclose(robot.difference(robot.integrate(a, step, 0.5), b), 0, atol=1e-9)
@@ -127,12 +130,23 @@ def test_rotations_are_those_of_a_quaternion() -> None:
     np.testing.assert_allclose(R[2] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 
 
+def test_rotation_vectors_are_pinocchios(rng: np.random.Generator) -> None:
+    """Of rotations up to half a turn; both lose half the digits there."""
+    w = rng.normal(size=(200, 3))
+    w *= (np.linspace(0.0, np.pi - 1e-3, 200) / np.linalg.norm(w, axis=1))[:, None]
+    np.testing.assert_allclose(
+        rotation_vectors(np.array([pin.exp3(one) for one in w])), w, atol=1e-9
+    )
+
+
 def test_wrong_shapes_are_refused(hoap2) -> None:
     q, v = np.tile(hoap2.postures["standing"], (3, 1)), np.zeros((3, hoap2.nv))
     with pytest.raises(InvalidInputError, match="v: expected shape"):
         centroidal_series(hoap2, q, v[:, 1:], v)
     with pytest.raises(InvalidInputError, match="acceleration: NaN"):
         centroidal_series(hoap2, q, v, v + np.nan)
+    with pytest.raises(InvalidInputError, match="has norm 2, expected 1"):
+        hoap2.integrate_all(np.vstack((q[:2], 2.0 * q[:1])), v)
 
 
 def test_derivatives_are_those_of_differences(hoap2: Robot, rng: np.random.Generator) -> None:

@@ -164,8 +164,9 @@ def project_onto_supports(
 
 
 def least_com_displacement(
-    cop: Array, time_constant_sq: Array, dt: float, supports: Sequence[SupportedFrames]
-) -> tuple[Array, Array]:
+    cop: Array, time_constant_sq: Array, dt: float, supports: Sequence[SupportedFrames],
+    guess: Array | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
     """Return the least displacement (n, 2) of the CoM that brings its CoP inside the soles [m].
 
     The least squares of the displacements of the CoM and, weighted less, of the CoP. Distances
@@ -180,6 +181,9 @@ def least_com_displacement(
         Without displacement (n, 2) [m]; NaN where the ground hardly pushes.
     time_constant_sq:
         h/(g + z'') (n,) [s^2].
+    guess:
+        Of the CoP with displacement (n, 2) [m]: Newton's method begins with the edges it violates.
+        None: ``cop``.
 
     Returns
     -------
@@ -195,7 +199,10 @@ def least_com_displacement(
     stencil = _cop_stencil(time_constant_sq, dt)
     normals = edges[..., :2]
     transposed = np.swapaxes(normals, 1, 2)
-    base = (normals @ np.nan_to_num(cop)[..., None])[..., 0] - edges[..., 2]
+    guess = cop if guess is None else guess
+    base, outside = (
+        (normals @ np.nan_to_num(one)[..., None])[..., 0] - edges[..., 2] for one in (cop, guess)
+    )
 
     def minimize(stiffness: Array, pull: Array) -> tuple[Array, Array]:
         """Minimise with squares and linear terms of distances o (n, m) outside; return e and o."""
@@ -203,7 +210,6 @@ def least_com_displacement(
         e = _minimize(stencil, H, (transposed @ (pull + stiffness * base)[..., None])[..., 0])
         return e, base + (normals @ _apply_stencil(stencil, e)[..., None])[..., 0]
 
-    outside: Array = base
     fewest, cycling = base.size, 0
     while cycling < 2:  # times that no fewer edges changed than before
         active = outside > 0.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
+from wbc.robot.series import velocities
 from wbc.validate import Array
 
 Progress = Callable[[int, int], None]
@@ -114,10 +114,5 @@ def solve_frames(
 def interpolate(robot: Robot, q: Array, places: Array) -> Array:
     """Interpolate configurations (n, nq) geodesically at fractional indices (m,)."""
     first = np.minimum(places.astype(int), len(q) - 2)
-    steps = [robot.difference(a, b) for a, b in pairwise(q)]
-    return np.array(
-        [
-            robot.integrate(q[k], steps[k], part)
-            for k, part in zip(first, places - first, strict=True)
-        ]
-    )
+    steps = velocities(robot, q, 1.0)[first] * (places - first)[:, None]
+    return robot.integrate_all(q[first], steps)

@@ -118,7 +118,10 @@ def balance_com(targets: Targets, robot: Robot, k: Array, com: Array | None = No
     # The displacement is relative to the human's CoM: an earlier one may be taken back.
     before = targets.com[:, :2] - targets.human_com[:, :2]
     undisplaced = cop - cop_displacement(before, time_constant_sq, dt)
-    e, goal = least_com_displacement(undisplaced, time_constant_sq, dt, targets.feet.supports)
+    guess = np.where(np.isfinite(targets.cop), targets.cop, undisplaced)  # an earlier goal
+    e, goal = least_com_displacement(
+        undisplaced, time_constant_sq, dt, targets.feet.supports, guess
+    )
     # A motion that cannot be balanced must not drag the CoM far from the human's,
     ratio = np.linalg.norm(e, axis=1) / (MAX_DISPLACEMENT * float(np.mean(targets.com[:, 2])))
     e /= ((1.0 + ratio**SATURATION_POWER) ** (1.0 / SATURATION_POWER))[:, None]

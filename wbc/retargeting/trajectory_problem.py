@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
 from wbc.gait.legs import SIDES
@@ -33,6 +32,7 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.postures import STANDING
 from wbc.robot.series import StateSeries, state_series, velocities
+from wbc.rotations import rotation_vectors
 from wbc.spatial import COLUMNS, ROWS, skews, twist_products
 from wbc.validate import Array, Bools
 
@@ -140,8 +140,7 @@ class TrajectoryProblem:
     def apply_step(self, q: Array, step: Array) -> Array:
         """Return configurations (n, nq) after displacements (n, nv), which are clipped in place."""
         np.clip(step, -MAX_STEP, MAX_STEP, out=step)
-        robot = self.tasks.robot
-        return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
+        return self.tasks.robot.integrate_all(q, step)
 
     def actuator_ratios(self, v: Array) -> tuple[float, float]:
         """Return the largest speed and acceleration by the joints' own, of velocities (n, nv)."""
@@ -175,7 +174,7 @@ class TrajectoryProblem:
         add(tasks.com.weight, states.part("com_jacobian", 3, -1), states.com - targets.com)
         for frame, task in tasks.orientations.items():
             # With the error e of a rotation in world axes Jlog(e) e = e: the plain Jacobian does.
-            e = _rotation_vectors(states.rotation(frame), targets.rotation[frame])
+            e = _rotation_errors(states.rotation(frame), targets.rotation[frame])
             add(task.weight, states.jacobian(frame)[:, 3:], e)
         for side, pair in tasks.arms.items():
             for n, arm in enumerate(pair):
@@ -198,7 +197,7 @@ class TrajectoryProblem:
         R = states.rotation(frame) @ np.swapaxes(self.tasks.rotations[side], 1, 2)
         arm = (R @ (path.place - path.origin)[..., None])[..., 0]
         displacement = states.position(frame) - arm - path.origin
-        e = np.hstack((displacement, Rotation.from_matrix(R).as_rotvec()))
+        e = np.hstack((displacement, rotation_vectors(R)))
         J = states.jacobian(frame).copy()
         J[:, :3] += skews(arm) @ J[:, 3:]
         return e, J
@@ -211,7 +210,7 @@ class TrajectoryProblem:
         tasks, found, largest, cost = self.tasks, list[tuple[Array, Array]](), 0.0, 0.0
         for side in SIDES:
             path, frame = tasks.targets.feet.paths[side], tasks.robot.feet[side].frame
-            turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
+            turn = _rotation_errors(states.rotation(frame), tasks.rotations[side])
             e, J = np.hstack((states.position(frame) - path.place, turn)), states.jacobian(frame)
             contact_weight, constrained = self._contact_weight, np.ones(6, dtype=bool)
             if side in tasks.targets.feet.line_feet:  # the leg cannot roll its sole: roll is a task
@@ -369,6 +368,6 @@ def max_accelerations(robot: Robot) -> Array:
     return np.asarray((robot.limits.effort[:, None] / np.maximum(M, 1e-12)).min(axis=0))
 
 
-def _rotation_vectors(actual: Array, wanted: Array) -> Array:
+def _rotation_errors(actual: Array, wanted: Array) -> Array:
     """Return the rotations (n, 3) [rad], world axes, from wanted to actual (n, 3, 3)."""
-    return np.asarray(Rotation.from_matrix(actual @ np.swapaxes(wanted, 1, 2)).as_rotvec())
+    return rotation_vectors(actual @ np.swapaxes(wanted, 1, 2))

@@ -169,6 +169,11 @@ class NativePass:
             return None
         return self._reached.copy()
 
+    def integrated_all(self, q: Array, steps: Array) -> tuple[Array, int]:
+        """Return q (n, nq) displaced by (n, nv), and how many of them are right."""
+        reached, given = np.empty_like(q), (doubles(q), doubles(steps))
+        return reached, lib.wbc_moves(self._tree, len(q), *given, self._there, doubles(reached))
+
     def evaluate(self, measured: bytes) -> NativeState:
         """Return the core's results at a measured q and v, without frames."""
         tree, out, q = self.tree, np.empty(self.tree.frames), doubles(measured)
@@ -187,15 +192,9 @@ class NativePass:
         joint, placement = frame_places(tree.model, frames)
         size = tree.frames + count * tree.frame_size
         q, v, out = np.ascontiguousarray(q), np.ascontiguousarray(v), np.zeros((len(q), size))
-        of_q, of_v, to = map(doubles, (q, v, out))
-        rest = self._scratch, count, pointer(joint), pointer(placement)
-        for k in range(len(q)):
-            at = to + k * size
-            lib.wbc_state(self._tree, of_q + k * tree.nq, of_v + k * tree.nv, at, *rest)
-            if momentum_jacobian is not None:
-                change = doubles(momentum_jacobian[k])
-                given = self._tree, at, of_v + k * tree.nv, self._scratch
-                lib.wbc_momentum_jacobian(*given, change)
+        given, to = (self._tree, len(q), doubles(q), doubles(v)), (doubles(out), self._scratch)
+        change = ffi.NULL if momentum_jacobian is None else doubles(momentum_jacobian)
+        lib.wbc_states(*given, *to, count, pointer(joint), pointer(placement), change)
         return out
 
 

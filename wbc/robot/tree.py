@@ -264,6 +264,18 @@ class KinematicTree:
         start = self.check_configuration(q)
         return self.check_configuration(pin.integrate(self.model, start, step * dt))
 
+    def integrate_all(self, q: Array, steps: Array) -> Array:
+        """Return the configurations (n, nq), each displaced by its own of ``steps`` (n, nv).
+
+        Raises InvalidInputError: see :meth:`integrate`.
+        """
+        q = finite_array("q", q, (len(q), self.nq))
+        steps = finite_array("steps", steps, (len(q), self.nv))
+        reached, right = self.native.integrated_all(q, steps)
+        if right < len(q):
+            self.integrate(q[right], steps[right], 1.0)  # raises
+        return reached
+
     def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
         """Return the displacement (nv,) with ``integrate(q0, displacement, 1) == q1``."""
         start, end = self.check_configuration(q0), self.check_configuration(q1)

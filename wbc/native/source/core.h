@@ -44,6 +44,10 @@ enum { FRAME_ROTATION = 3, FRAME_JACOBIAN = 12 };
  * scratch holds 13 numbers a joint and 17 a column of v. Returns 0. */
 int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state, double *scratch, int64_t frames,
               const int64_t *joint, const double *placement);
+/* Write n states, one behind the other, each with its frames; change: 0, or the momentum Jacobians (n, 6, nv).
+ * Returns 0. */
+int wbc_states(const wbc_tree *tree, int64_t n, const double *q, const double *v, double *states, double *scratch,
+               int64_t frames, const int64_t *joint, const double *placement, double *change);
 /* Write frames, one behind the other, as in a state. Returns 0. */
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
@@ -54,6 +58,8 @@ int wbc_frame_poses(const wbc_tree *tree, const double *state, int64_t count, co
  * axes. work holds 13 (nv + 3) numbers. Returns 0. */
 int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G, double *work,
                         double *H);
+/* Write the rotation vectors (n, 3) of rotations (n, 3, 3), at most half a turn. Returns 0. */
+int wbc_logarithms(int64_t n, const double *R, double *r);
 /* Write q integrated over a displacement (nv), as Pinocchio does. Returns 0. */
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
 /* Write a measured state, q then v (nq + nv), its unit vectors normalised if they are but for rounding. Returns
@@ -62,6 +68,9 @@ int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, dou
 int wbc_check(const wbc_tree *tree, const void *q, const void *v, double *out);
 /* The same with v dt in place of v, and behind it q integrated over that (nq). */
 int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, double *out);
+/* Write n configurations (n, nq), each integrated over its own displacement (n, nv); scratch holds 2 nq + nv numbers.
+ * Returns how many are right: n, or the number of the first for which wbc_move returns NOT_FINITE. */
+int64_t wbc_moves(const wbc_tree *tree, int64_t n, const double *q, const double *step, double *scratch, double *out);
 
 /* Write the derivative (6, nv) of the momentum by the configuration at constant v; scratch is as wbc_state left it. A
  * joint with twist S (about the CoM), on a body with twist V, moves its subtree of momentum L and inertia Y as one:

@@ -4,6 +4,7 @@
  * their columns are exactly 0, and only the joints between the frames are visited. The frames need no
  * Jacobians: those used by loops only are behind plan->frames.
  */
+#include "rotation.h"
 #include "rows.h"
 #include "tree.h"
 
@@ -117,7 +118,7 @@ void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *stat
 }
 
 /* A gear's polynomial at its driver's position, and its derivatives. */
-static void polynomial(const double *gear, double x, double *value) {
+static void gear_polynomial(const double *gear, double x, double *value) {
     value[0] = value[1] = value[2] = 0.0;
     for (int k = GEAR_DEGREE; k >= 0; k--) {
         value[2] = value[2] * x + 2.0 * value[1];
@@ -132,7 +133,7 @@ double gear_row(const wbc_plan *plan, const double *gear, const double *q, doubl
                 int64_t stride) {
     const int64_t follower = joint_of(gear, FOLLOWER), driver = joint_of(gear, DRIVER);
     double by[3];
-    polynomial(gear, joint_position(plan, q, driver), by);
+    gear_polynomial(gear, joint_position(plan, q, driver), by);
     for (int64_t c = 0; c < plan->tree->nv; c++) row[c * stride] = 0.0;
     row[(6 + follower) * stride] = scale, row[(6 + driver) * stride] = -scale * by[1];
     return joint_position(plan, q, follower) - by[0];
@@ -141,14 +142,14 @@ double gear_row(const wbc_plan *plan, const double *gear, const double *q, doubl
 double gear_drift(const wbc_plan *plan, const double *gear, const double *q, const double *v) {
     const int64_t driver = joint_of(gear, DRIVER);
     double by[3];
-    polynomial(gear, joint_position(plan, q, driver), by);
+    gear_polynomial(gear, joint_position(plan, q, driver), by);
     return -by[2] * v[6 + driver] * v[6 + driver];
 }
 
 static double gear_gap(const wbc_plan *plan, const double *gear, const double *q, const double *v) {
     const int64_t follower = joint_of(gear, FOLLOWER), driver = joint_of(gear, DRIVER);
     double by[3];
-    polynomial(gear, joint_position(plan, q, driver) + plan->dt * v[6 + driver], by);
+    gear_polynomial(gear, joint_position(plan, q, driver) + plan->dt * v[6 + driver], by);
     return joint_position(plan, q, follower) + plan->dt * v[6 + follower] - by[0];
 }
 

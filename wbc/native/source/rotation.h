@@ -25,12 +25,36 @@ static inline void orthonormal(double *R) {
     memcpy(R, out, sizeof out);
 }
 
-/* Rotation vector of a rotation by less than about a right angle, as innovations are. */
+/* rad: closer to half a turn the axis is taken from the symmetric part. */
+static const double NEAR_HALF_TURN = 0.01;
+/* rad: smaller angles use series, which lose no digits. */
+static const double SMALL_ANGLE = 0.1;
+
+/* Rotation vector (3) of R; near half a turn the axis is taken from R + R', where the sines vanish. */
 static inline void logarithm(const double *R, double *r) {
-    const double s[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
-    const double sine = sqrt(dot3(s, s)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
-    const double scale = sine < 1e-8 ? 1.0 : atan2(sine, cosine) / sine;
-    for (int i = 0; i < 3; i++) r[i] = scale * s[i];
+    const double w[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
+    const double sine = sqrt(dot3(w, w)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
+    double factor;
+    if (sine < SMALL_ANGLE && cosine > 0.0) { /* asin(s) / s */
+        const double s = sine * sine;
+        factor = 1.0 + s * (1.0 / 6 +
+                            s * (3.0 / 40 + s * (15.0 / 336 +
+                                                 s * (105.0 / 3456 + s * (945.0 / 42240 + s * (10395.0 / 599040))))));
+    } else {
+        const double angle = atan2(sine, cosine);
+        if (!(angle < PI - NEAR_HALF_TURN)) { /* the largest diagonal entry has the largest part of the axis */
+            const int i = R[0] >= R[4] ? (R[0] >= R[8] ? 0 : 2) : R[4] >= R[8] ? 1 : 2;
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            double part[3];
+            part[i] = 1.0 + R[4 * i] - R[4 * j] - R[4 * k];
+            part[j] = R[3 * i + j] + R[3 * j + i], part[k] = R[3 * i + k] + R[3 * k + i];
+            const double sign = w[i] < 0.0 ? -1.0 : 1.0, length = sqrt(dot3(part, part));
+            for (int m = 0; m < 3; m++) r[m] = sign * angle * part[m] / length;
+            return;
+        }
+        factor = angle / sine;
+    }
+    for (int i = 0; i < 3; i++) r[i] = factor * w[i];
 }
 
 #endif

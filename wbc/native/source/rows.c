@@ -1,44 +1,19 @@
 /* Errors, Jacobians and drifts of tasks and contacts, in ticks and on request (wbc/tasks/core_task.py). */
 #include "rows.h"
+#include "rotation.h"
 
 #include <string.h>
 
-/* rad: closer to half a turn the axis is taken from the symmetric part. */
-static const double TURN = 0.01;
-/* rad: smaller angles use series, which lose no digits. */
-static const double SMALL = 0.1;
-
-void logarithm(const double *R, double *r) {
-    const double w[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
-    const double sine = sqrt(dot3(w, w)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
-    double factor;
-    if (sine < SMALL && cosine > 0.0) { /* asin(s) / s */
-        const double s = sine * sine;
-        factor = 1.0 + s * (1.0 / 6 +
-                            s * (3.0 / 40 + s * (15.0 / 336 +
-                                                 s * (105.0 / 3456 + s * (945.0 / 42240 + s * (10395.0 / 599040))))));
-    } else {
-        const double angle = atan2(sine, cosine);
-        if (!(angle < PI - TURN)) { /* the largest diagonal entry has the largest part of the axis */
-            const int i = R[0] >= R[4] ? (R[0] >= R[8] ? 0 : 2) : R[4] >= R[8] ? 1 : 2;
-            const int j = (i + 1) % 3, k = (i + 2) % 3;
-            double part[3];
-            part[i] = 1.0 + R[4 * i] - R[4 * j] - R[4 * k];
-            part[j] = R[3 * i + j] + R[3 * j + i], part[k] = R[3 * i + k] + R[3 * k + i];
-            const double sign = w[i] < 0.0 ? -1.0 : 1.0, length = sqrt(dot3(part, part));
-            for (int m = 0; m < 3; m++) r[m] = sign * angle * part[m] / length;
-            return;
-        }
-        factor = angle / sine;
-    }
-    for (int i = 0; i < 3; i++) r[i] = factor * w[i];
+int wbc_logarithms(int64_t n, const double *R, double *r) {
+    for (int64_t k = 0; k < n; k++) logarithm(R + 9 * k, r + 3 * k);
+    return 0;
 }
 
 /* J of d(log R)/dt = J w, w in R's own axes: 1 + [r]/2 + c [r]^2. */
 static void log_jacobian(const double *r, double *J) {
     const double t2 = dot3(r, r), t = sqrt(t2);
-    const double c = t < SMALL ? 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600))
-                               : 1.0 / t2 - 1.0 / (2.0 * t * tan(0.5 * t));
+    const double c = t < SMALL_ANGLE ? 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600))
+                                     : 1.0 / t2 - 1.0 / (2.0 * t * tan(0.5 * t));
     const double x = 0.5 * r[0], y = 0.5 * r[1], z = 0.5 * r[2];
     const double skew[9] = {0.0, -z, y, z, 0.0, -x, -y, x, 0.0};
     for (int i = 0; i < 3; i++)
@@ -50,7 +25,7 @@ static void log_jacobian(const double *r, double *J) {
 static void log_jacobian_rate_times(const double *r, const double *rate, const double *x, double *out) {
     const double t2 = dot3(r, r), t = sqrt(t2);
     double c, slope, rx[3], ratex[3], squared[3], one[3], other[3];
-    if (t < SMALL) {
+    if (t < SMALL_ANGLE) {
         c = 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600));
         slope = t * (1.0 / 360 + t2 * (1.0 / 7560 + t2 / 201600));
     } else {

@@ -24,9 +24,6 @@ void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const doubl
 void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
                    const double *e, double *work, double *H);
 
-/* Rotation vector (3) of R; near half a turn the axis is taken from R + R', where the sines vanish. */
-void logarithm(const double *R, double *r);
-
 /* Write scale times the Jacobian of a LOOP, rows apart and columns stride apart, and its errors unless 0; and
  * second derivatives (6) of all rows it may have. Source: loops.c. */
 void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state, double scale, double *rows,

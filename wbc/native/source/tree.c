@@ -223,6 +223,16 @@ int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, 
     return is_measured(there, configuration_size(tree)) ? DONE : NOT_FINITE;
 }
 
+int64_t wbc_moves(const wbc_tree *tree, int64_t n, const double *q, const double *step, double *scratch,
+                  double *out) {
+    const int64_t nq = configuration_size(tree);
+    for (int64_t k = 0; k < n; k++) {
+        if (wbc_move(tree, q + k * nq, step + k * tree->nv, 1.0, scratch) != DONE) return k;
+        memcpy(out + k * nq, scratch + nq + tree->nv, nq * sizeof *out);
+    }
+    return n;
+}
+
 int wbc_places(const wbc_tree *tree, wbc_state_places *state, wbc_motion_places *motion) {
     const int64_t nv = tree->nv, joints = tree->joints, drifts = DRIFTS(nv);
     const wbc_state_places in_state = {
@@ -347,6 +357,17 @@ int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const doubl
             for (int i = 0; i < 3; i++) change[3 + i] -= lost[i];
             for (int i = 0; i < 6; i++) out[i * nv + k] = change[i];
         }
+    }
+    return 0;
+}
+
+int wbc_states(const wbc_tree *tree, int64_t n, const double *q, const double *v, double *states, double *scratch,
+               int64_t frames, const int64_t *joint, const double *placement, double *change) {
+    const int64_t nv = tree->nv, nq = configuration_size(tree);
+    const int64_t size = FRAMES(nv, tree->joints) + frames * FRAME_SIZE(nv);
+    for (int64_t k = 0; k < n; k++, q += nq, v += nv, states += size) {
+        wbc_state(tree, q, v, states, scratch, frames, joint, placement);
+        if (change) wbc_momentum_jacobian(tree, states, v, scratch, change + 6 * nv * k);
     }
     return 0;
 }
