@@ -125,6 +125,8 @@ class Part:
             self.changes = changes
             return True
         task, planned = self.task, self.rows
+        if planned_as(task) != self.planned_as:
+            return False
         for moving in self._moving:
             moving[2] = own[moving[0]]
         found = native_rows_of(task, self.torque)
@@ -202,7 +204,8 @@ class PythonPart(Part):
     def write(self, dt: float) -> bool:
         """Write law and weights of a changed task; :meth:`fill` writes the rest in each tick."""
         (rows,) = self.rows or ()
-        if self.singular != self._singular or self._frame != rows.frame:
+        planned = self._singular, rows.frame, self.planned_as
+        if (self.singular, self._frame, planned_as(self.task)) != planned:
             return False
         self.changes = self.task._changes
         self._write_law((rows,), dt)

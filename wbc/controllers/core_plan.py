@@ -18,7 +18,7 @@ from wbc.constraints.collision import SelfCollision
 from wbc.constraints.contact import Contact
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
-from wbc.controllers.blocks import ForcePart, Part, PythonPart, TaskEvaluation, planned_as
+from wbc.controllers.blocks import ForcePart, Part, PythonPart, TaskEvaluation
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_memory import DONE, REDUCED, CoreMemory
 from wbc.controllers.core_tick import CoreTick, TickNames
@@ -258,8 +258,6 @@ class CorePlan:
             self._limits_changes = limits._changes
         for part in self._parts:
             if part.own["_changes"] is not part.changes:
-                if planned_as(part.task) != part.planned_as:
-                    return False
                 if forces is not None and isinstance(part.task, Contact):
                     forces.stale = True
                 if not part.write(self._dt):
