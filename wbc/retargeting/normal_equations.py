@@ -31,9 +31,7 @@ class NormalEquations:
     def add(self, *parts: Array, errors: Array) -> None:
         """Add A_k d_k + B_k d_k+1 + ..., up to three parts A, B, ... (m, r, nv), errors (m, r)."""
         (count, rows, nv), span = parts[0].shape, len(parts)
-        J = np.empty((count, rows, span, nv))
-        for k, part in enumerate(parts):
-            J[:, :, k] = part
+        J = np.ascontiguousarray(parts[0] if span == 1 else np.stack(parts, axis=2))
         inputs = pointer(J), pointer(np.ascontiguousarray(errors))
         sums = doubles(self._band), doubles(self.gradient)
         lib.wbc_add_normal_equations(count, nv, span, rows, *inputs, self._band.shape[2], *sums)
