@@ -149,9 +149,10 @@ def solve_with_retries(
     higher = {name: factor * getattr(weights, name) for name, factor in FIRST_ATTEMPT.items()}
     problem, axes = build_problem(scale, replace(weights, **higher))
     best = solve(problem, axes, iterations, balance, progress, None)
-    if best.speed_ratio <= MAX_RATIO:
+    if best.speed_ratio <= MUCH_TOO_FAST:
         found = project_onto_constraints(problem, best.q, stop_early=True)
-        if found.feasible:
+        slow = best.speed_ratio <= MAX_RATIO
+        if found.feasible and (slow or _cost_growth(problem, best, found.q) <= MAX_COST_GROWTH):
             return MotionAttempt(found.q, problem, scale, 0)
     reductions, least = 0, (math.inf, math.inf)
     warm_start = _warm_start(best)
@@ -161,16 +162,15 @@ def solve_with_retries(
         problem, axes = build_problem(scale, weights)
         best = solve(problem, axes, iterations, balance, progress, warm_start)
         last, too_fast = number == ATTEMPTS - 1, MAX_RATIO < best.speed_ratio < MAX_OVERSPEED
-        found, cost = project_onto_constraints(problem, best.q, stop_early=not last), 0.0
+        found, growth = project_onto_constraints(problem, best.q, stop_early=not last), 0.0
         if found.feasible and too_fast:
-            # Slowing down single joints may have changed the motion too much.
-            cost = problem.linearize(found.q).cost
-            too_fast = cost > MAX_COST_GROWTH * max(best.cost, CONVERGED_COST)
+            growth = _cost_growth(problem, best, found.q)
+            too_fast = growth > MAX_COST_GROWTH
         attempt = MotionAttempt(found.q, problem, scale, reductions)
         if found.feasible and not too_fast:
             return attempt
-        if (found.violation, cost) < least:
-            least, nearest = (found.violation, cost), attempt
+        if (found.violation, growth) < least:
+            least, nearest = (found.violation, growth), attempt
         if too_fast and (found.feasible or number == 0):
             scale, warm_start = _stretched(scale, best, number + 1)
             continue
@@ -182,6 +182,11 @@ def solve_with_retries(
         if max(found.speed_ratio, found.acceleration_ratio) > 1.0:
             scale = replace(scale, time=TIME_FACTOR * scale.time)
     return nearest
+
+
+def _cost_growth(problem: TrajectoryProblem, best: Linearization, q: Array) -> float:
+    """Return the cost after a projection by that before: slowing joints down changes the motion."""
+    return problem.linearize(q).cost / max(best.cost, CONVERGED_COST)
 
 
 def _stretched(
