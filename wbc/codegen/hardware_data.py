@@ -10,7 +10,6 @@ from wbc.codegen.c_text import comment
 from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
-from wbc.hardware.bus import RESTART_GAP
 from wbc.hardware.loop import PERIOD, cycles_per_tick
 from wbc.hardware.postures import CrouchPath, PostureMotion
 from wbc.hardware.robot_controller import STIFFNESS_FADE, stance_of
@@ -25,14 +24,6 @@ from wbc.validate import Array
 
 _LIMITS = ("lower", "upper", "velocity", "effort", "kp", "kd", "torque_rate")
 _NUMBERS = ("overrun", "overspeed", "overload", "warm", "hot")
-# Thresholds of the checks of sensors, by their names in Python.
-_CHECKS = (
-    *("MAX_AGE", "CLOCK_JUMP", "CLOCK_AGREEMENT", "MAX_OVERRUN", "MAX_SPEED_RATIO"),
-    *("MAX_GYROSCOPE", "MAX_ACCELEROMETER", "NORM_TOLERANCE", "POSITION_JUMP", "WINDOW"),
-    *("FROZEN_TIME", "RATE_OFFSET", "RATE_RATIO", "GYRO_TOLERANCE", "GYRO_RATIO"),
-    *("GRAVITY_ANGLE", "GRAVITY_TIME", "MIN_GRAVITY", "MAX_GRAVITY", "MAX_FALL_TIME"),
-    *("TORQUE_TOLERANCE", "MIN_TEMPERATURE", "MAX_TEMPERATURE"),
-)
 
 
 class HardwareParts(NamedTuple):
@@ -99,7 +90,6 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "FAULTS": len(Fault),
         "COMMAND_PORT": COMMAND_PORT,
         "READING_PORT": READING_PORT,
-        "RESTARTED": RESTART_GAP,
     }
     numbers = {
         "CYCLE": PERIOD,
@@ -107,7 +97,7 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "HUGE": MAX_MAGNITUDE,
         "ONTO": parts.up.onto,
         "ALONG": parts.up.along,
-        **{name: getattr(sensor_checks, name) for name in _CHECKS},
+        **{name: x for name, x in vars(sensor_checks).items() if isinstance(x, int | float)},
     }
     lines = [
         f"/* {comment(title)} */",

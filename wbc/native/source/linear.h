@@ -114,6 +114,14 @@ static inline void transposed_product3(const double *A, const double *B, double 
         for (int j = 0; j < 3; j++) out[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
 }
 
+/* R (3, 3): the rotation of a unit quaternion x y z w. */
+static inline void from_quaternion(const double *xyzw, double *R) {
+    const double x = xyzw[0], y = xyzw[1], z = xyzw[2], w = xyzw[3];
+    R[0] = 1.0 - 2.0 * (y * y + z * z), R[1] = 2.0 * (x * y - z * w), R[2] = 2.0 * (x * z + y * w);
+    R[3] = 2.0 * (x * y + z * w), R[4] = 1.0 - 2.0 * (x * x + z * z), R[5] = 2.0 * (y * z - x * w);
+    R[6] = 2.0 * (x * z - y * w), R[7] = 2.0 * (y * z + x * w), R[8] = 1.0 - 2.0 * (x * x + y * y);
+}
+
 /* out = S x, S symmetric */
 static inline void symmetric_times(const double *S, const double *x, double *out) {
     out[0] = S[0] * x[0] + S[1] * x[1] + S[2] * x[2];

@@ -26,13 +26,6 @@ static void turned(const double *P, const double *axis, double c, double s, doub
     product3(P, turn, R);
 }
 
-static void from_quaternion(const double *xyzw, double *R) {
-    const double x = xyzw[0], y = xyzw[1], z = xyzw[2], w = xyzw[3];
-    R[0] = 1.0 - 2.0 * (y * y + z * z), R[1] = 2.0 * (x * y - z * w), R[2] = 2.0 * (x * z + y * w);
-    R[3] = 2.0 * (x * y + z * w), R[4] = 1.0 - 2.0 * (x * x + z * z), R[5] = 2.0 * (y * z - x * w);
-    R[6] = 2.0 * (x * z - y * w), R[7] = 2.0 * (y * z + x * w), R[8] = 1.0 - 2.0 * (x * x + y * y);
-}
-
 /* Rotation and origin of a joint in its parent, from its coordinates in q. */
 static void place_in_parent(const wbc_tree *tree, int64_t j, const double *value, double *local, double *shift) {
     const double *P = tree->placement + 12 * j, *axis = tree->axis + 3 * j;

@@ -1,5 +1,5 @@
 #include "checks.h"
-#include "rotation.h"
+#include "linear.h"
 
 #include <string.h>
 
@@ -45,19 +45,14 @@ static int timely(wbc_checks *c, double time, double now) {
     if (fabs(age) <= WBC_MAX_AGE) {
         /* The freshest two readings so far are new, since one time may be wrong; 1e-4 of it is forgotten, for clocks
          * that drift. */
-        const double fresh = offset > c->last_offset ? offset : c->last_offset;
-        const double drifted = c->offset + 1e-4 * (age > 0.0 ? age : 0.0);
-        c->offset = fresh < drifted ? fresh : drifted, c->last_offset = offset;
-        c->strangers = 0;
+        c->offset = fmin(fmax(offset, c->last_offset), c->offset + 1e-4 * fmax(age, 0.0));
+        c->last_offset = offset, c->strangers = 0;
         return -1;
     }
     if (c->strangers == WBC_CLOCK_AGREEMENT) memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
     c->strange[c->strangers++] = offset;
     double low = offset, high = offset;
-    for (int k = 0; k < c->strangers; k++) {
-        low = c->strange[k] < low ? c->strange[k] : low;
-        high = c->strange[k] > high ? c->strange[k] : high;
-    }
+    for (int k = 0; k < c->strangers; k++) low = fmin(low, c->strange[k]), high = fmax(high, c->strange[k]);
     if (c->strangers == WBC_CLOCK_AGREEMENT && high - low < WBC_MAX_AGE && jumped) {
         c->jumped_back += low - c->offset, c->strangers = 0;
         return WBC_FAULT_CLOCK_JUMPED;
@@ -87,7 +82,7 @@ static double motion(const wbc_reading *before, const wbc_reading *now, int j) {
 static int jumped(wbc_checks *c, const wbc_reading *r) {
     if (!c->count) return 0;
     const wbc_reading *last = past(c, c->count - 1);
-    const double passed = r->time - last->time > 0.0 ? r->time - last->time : 0.0;
+    const double passed = fmax(r->time - last->time, 0.0);
     double along = 0.0;
     if (passed > WBC_WINDOW) { /* too long ago to compare */
         clear_window(c);
@@ -95,13 +90,11 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
     }
     for (int j = 0; j < WBC_JOINTS; j++) {
         /* 5 rad/s beyond what was measured: the limits alone allow 0.06 rad. */
-        const double measured = fabs(last->velocity[j]) + 5.0;
-        const double reach =
-            WBC_POSITION_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
-        if (fabs(motion(last, r, j)) - reach > 0.0) return 1;
+        const double fastest = fmin(wbc_limits.velocity[j], fabs(last->velocity[j]) + 5.0);
+        if (fabs(motion(last, r, j)) - (WBC_POSITION_JUMP + passed * fastest) > 0.0) return 1;
     }
     for (int i = 0; i < 4; i++) along += r->quaternion[i] * last->quaternion[i];
-    const double turn = 2.0 * acos(fabs(along) < 1.0 ? fabs(along) : 1.0);
+    const double turn = 2.0 * acos(fmin(fabs(along), 1.0));
     return turn > 2.0 * WBC_POSITION_JUMP + passed * (sqrt(dot3(last->rate, last->rate)) + 10.0);
 }
 
@@ -109,7 +102,7 @@ int wbc_checks_refused(wbc_checks *c, wbc_reading *r, double now) {
     int found = -1;
     r->time += c->jumped_back;
     /* A sequence far back has restarted; it is no late message. */
-    if (r->sequence <= c->sequence && !(r->sequence < c->sequence - WBC_RESTARTED)) found = WBC_FAULT_OUT_OF_ORDER;
+    if (r->sequence <= c->sequence && !(r->sequence < c->sequence - WBC_RESTART_GAP)) found = WBC_FAULT_OUT_OF_ORDER;
     else if (!finite(r)) found = WBC_FAULT_NOT_FINITE;
     else if ((found = timely(c, r->time, now)) < 0)
         found = !possible(r) ? WBC_FAULT_IMPLAUSIBLE : jumped(c, r) ? WBC_FAULT_JUMPED : -1;
@@ -118,13 +111,6 @@ int wbc_checks_refused(wbc_checks *c, wbc_reading *r, double now) {
 }
 
 /* ---- sensors that contradict each other ---- */
-
-void wbc_rotation(const double *x, double *R) {
-    const double tx = 2.0 * x[0], ty = 2.0 * x[1], tz = 2.0 * x[2], w = x[3];
-    R[0] = 1.0 - (ty * x[1] + tz * x[2]), R[1] = ty * x[0] - tz * w, R[2] = tz * x[0] + ty * w;
-    R[3] = ty * x[0] + tz * w, R[4] = 1.0 - (tx * x[0] + tz * x[2]), R[5] = tz * x[1] - tx * w;
-    R[6] = tz * x[0] - ty * w, R[7] = tz * x[1] + tx * w, R[8] = 1.0 - (tx * x[0] + ty * x[1]);
-}
 
 static double norm3(const double *a) { return sqrt(dot3(a, a)); }
 
@@ -136,25 +122,25 @@ static void compare_rates(const wbc_checks *c, const wbc_reading *r, wbc_safety 
     int disagrees = 0;
     for (int j = 0; j < WBC_JOINTS; j++) {
         const double rate = motion(first, r, j) / passed, reported = c->velocities[j] / count;
-        const double larger = fabs(rate) > fabs(reported) ? fabs(rate) : fabs(reported);
+        const double larger = fmax(fabs(rate), fabs(reported));
         disagrees |= fabs(rate - reported) - WBC_RATE_OFFSET - WBC_RATE_RATIO * larger > 0.0;
     }
     if (disagrees) wbc_safety_report(s, WBC_FAULT_ENCODER_DISAGREES);
-    wbc_rotation(first->quaternion, before), wbc_rotation(r->quaternion, now);
+    from_quaternion(first->quaternion, before), from_quaternion(r->quaternion, now);
     transposed_product3(before, now, D);
     const double turn[3] = {0.5 * (D[7] - D[5]) / passed, 0.5 * (D[2] - D[6]) / passed, 0.5 * (D[3] - D[1]) / passed};
     double off[3], spun[3];
     for (int i = 0; i < 3; i++) spun[i] = c->spins[i] / count, off[i] = turn[i] - spun[i];
-    const double larger = norm3(turn) > norm3(spun) ? norm3(turn) : norm3(spun);
-    if (norm3(off) > WBC_GYRO_TOLERANCE + WBC_GYRO_RATIO * larger) wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
+    if (norm3(off) > WBC_GYRO_TOLERANCE + WBC_GYRO_RATIO * fmax(norm3(turn), norm3(spun)))
+        wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
 }
 
 static void compare_gravity(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     double R[9], force[3];
-    wbc_rotation(r->quaternion, R);
+    from_quaternion(r->quaternion, R);
     times3(R, r->force, force);
-    const double since = c->count ? r->time - past(c, c->count - 1)->time : 0.0, passed = since > 0.0 ? since : 0.0;
-    const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
+    const double passed = c->count ? fmax(r->time - past(c, c->count - 1)->time, 0.0) : 0.0;
+    const double share = fmin(passed / WBC_GRAVITY_TIME, 1.0);
     for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
     const double size = norm3(c->gravity); /* in free fall there is no direction */
     if (!c->count || (size >= WBC_MIN_GRAVITY && size <= WBC_MAX_GRAVITY)) c->weighed = r->time;

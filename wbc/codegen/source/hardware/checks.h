@@ -5,7 +5,7 @@
 
 #include "safety.h"
 
-enum { WBC_PAST = 64, WBC_AGREEING = 16 }; /* readings in the window; that confirm a new clock */
+enum { WBC_PAST = 64 }; /* readings in the window, at most */
 
 typedef struct {
     int64_t sequence;
@@ -13,7 +13,7 @@ typedef struct {
     int first, count;
     double velocities[WBC_JOINTS], spins[3]; /* their sums */
     int knows_offset, strangers;
-    double offset, strange[WBC_AGREEING]; /* of the robot's clock from ours, by the freshest readings */
+    double offset, strange[WBC_CLOCK_AGREEMENT]; /* of the robot's clock from ours, by the freshest readings */
     double last_offset;
     double jumped_back; /* sum of the clock's jumps [s], added to times */
     double changed[2];  /* when gyroscope and accelerometer last changed */
@@ -28,8 +28,5 @@ int wbc_checks_refused(wbc_checks *c, wbc_reading *reading, double now);
 /* Report sensors that contradict each other or are frozen, by an accepted reading. commanded: expected motor
  * torques; 0: unknown. */
 void wbc_checks_compared(wbc_checks *c, const wbc_reading *reading, const double *commanded, wbc_safety *s);
-
-/* R (3, 3): the rotation of a unit quaternion x y z w. */
-void wbc_rotation(const double *quaternion, double *R);
 
 #endif

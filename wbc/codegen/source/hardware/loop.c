@@ -13,7 +13,7 @@
 #define _POSIX_C_SOURCE 200112L
 #include "../controller.h"
 #include "checks.h"
-#include "rotation.h"
+#include "linear.h"
 #include "sensing.h"
 #include "udp.h"
 
@@ -22,6 +22,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 static const double SILENT_AFTER = 0.005, GONE_AFTER = 0.040, STALL = 0.040; /* s; as in Python */
@@ -128,7 +129,7 @@ static void begin(robot_loop *l) {
     const double *q = l->estimate + WBC_AT_Q;
     const wbc_estimator *e = &l->sensing.estimator;
     double R[9], ahead[2] = {0.0, 0.0}, middle[3] = {q[0], q[1], q[2]}, moved[3];
-    wbc_rotation(q + 3, R);
+    from_quaternion(q + 3, R);
     for (int k = 0; k < WBC_FEET; k++) { /* frames are relative to the base */
         const double *sole = e->frames + (WBC_IMUS + k) * FRAME_SIZE(WBC_NV), *S = sole + FRAME_ROTATION;
         const double x[3] = {S[0], S[3], S[6]};

@@ -2,9 +2,7 @@
 
 #include <string.h>
 
-static double larger(double a, double b) { return a > b ? a : b; }
-static double smaller(double a, double b) { return a < b ? a : b; }
-static double clip(double x, double low, double high) { return smaller(larger(x, low), high); }
+static double clip(double x, double low, double high) { return fmin(fmax(x, low), high); }
 
 /* ---- modes ---- */
 
@@ -12,7 +10,7 @@ void wbc_safety_start(wbc_safety *s) {
     memset(s, 0, sizeof *s);
     s->mode = WBC_MODE_IDLE, s->cause = -1;
     s->brake.enabled = 1;
-    for (int j = 0; j < WBC_JOINTS; j++) s->brake.kd[j] = smaller(wbc_damping[j], wbc_limits.kd[j]);
+    for (int j = 0; j < WBC_JOINTS; j++) s->brake.kd[j] = fmin(wbc_damping[j], wbc_limits.kd[j]);
     s->last = s->off;
 }
 
@@ -60,12 +58,9 @@ void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
     const wbc_safety_limits *l = &wbc_limits;
     const double *x = r->quaternion, *up = l->up;
     int position = 0, velocity = 0, overload = 0, warm = 0, hot = 0;
-    for (int j = 0; j < WBC_JOINTS; j++)
-        if (!is_plausible(r->position[j], r->velocity[j])) {
-            wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
-            return;
-        }
-    if (x[0] == 0.0 && x[1] == 0.0 && x[2] == 0.0 && x[3] == 0.0) { /* zeros would count as upright */
+    int plausible = x[0] != 0.0 || x[1] != 0.0 || x[2] != 0.0 || x[3] != 0.0; /* zeros would count as upright */
+    for (int j = 0; j < WBC_JOINTS; j++) plausible &= is_plausible(r->position[j], r->velocity[j]);
+    if (!plausible) {
         wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
         return;
     }
@@ -95,11 +90,11 @@ int wbc_safety_judge(wbc_safety *s) {
     for (int k = 0; k < s->reported; k++) {
         const int f = s->order[k];
         const wbc_rule *rule = wbc_rules + f;
-        present[f] = 1, s->counts[f]++, s->borne[f] = smaller(s->borne[f], rule->patience) + WBC_CYCLE;
+        present[f] = 1, s->counts[f]++, s->borne[f] = fmin(s->borne[f], rule->patience) + WBC_CYCLE;
         if (s->borne[f] > rule->patience + 1e-9 && rule->answer > answer) answer = rule->answer, s->cause = f;
     }
     for (int f = 0; f < WBC_FAULTS; f++)
-        if (!present[f] && s->borne[f] > 0.0) s->borne[f] = larger(s->borne[f] - 0.5 * WBC_CYCLE, 0.0);
+        if (!present[f] && s->borne[f] > 0.0) s->borne[f] = fmax(s->borne[f] - 0.5 * WBC_CYCLE, 0.0);
     s->reported = 0;
     if (answer == WBC_ANSWER_STOP) wbc_safety_stop(s);
     else if (answer == WBC_ANSWER_SOFT_STOP) wbc_safety_to(s, WBC_MODE_SOFT_STOP);
@@ -127,7 +122,7 @@ static void limit_effort(const wbc_safety *s, wbc_motors *c) {
     for (int j = 0; j < WBC_JOINTS; j++) {
         const double effort = wbc_limits.effort[j];
         const double whole = c->kp[j] * (c->position[j] - s->q[j]) + c->kd[j] * (c->velocity[j] - s->v[j]);
-        const double share = smaller(1.0, effort / larger(fabs(whole), 1e-9)), feedback = share * whole;
+        const double share = fmin(1.0, effort / fmax(fabs(whole), 1e-9)), feedback = share * whole;
         const double torque = clip(c->torque[j] + feedback, -effort, effort) - feedback;
         c->torque[j] = clip(torque, -effort, effort), c->kp[j] *= share, c->kd[j] *= share;
     }
@@ -165,7 +160,7 @@ static void limit(wbc_safety *s, const wbc_motors *wanted) {
         return;
     }
     limit_effort(s, &limited);
-    for (int j = 0; j < WBC_JOINTS; j++) clipped = larger(clipped, fabs(limited.torque[j] - wanted->torque[j]));
+    for (int j = 0; j < WBC_JOINTS; j++) clipped = fmax(clipped, fabs(limited.torque[j] - wanted->torque[j]));
     limited.enabled = 1, s->last = limited;
     if (clipped > 1e-6) wbc_safety_report(s, WBC_FAULT_CLIPPED);
 }
