@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from wbc.hardware import sensor_checks
 from wbc.hardware.loop import PERIOD, cycles_per_tick
 from wbc.hardware.postures import CrouchPath, PostureMotion
 from wbc.hardware.robot_controller import STIFFNESS_FADE, stance_of
-from wbc.hardware.safety import MAX_MAGNITUDE, RULES, TRANSITIONS, Fault, Mode, Safety
+from wbc.hardware.safety import MAX_MAGNITUDE, RULES, TRANSITIONS, Answer, Fault, Mode, Safety
 from wbc.hardware.setup import check_start, motions_of, safety_of
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT
 from wbc.hardware.unitree.profiles import Profile, by_pattern
@@ -112,7 +113,7 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "",
         *_enumerated("mode", Mode),
         *_enumerated("fault", Fault),
-        "enum wbc_answer { WBC_ANSWER_NOTE = 0, WBC_ANSWER_SOFT_STOP = 1, WBC_ANSWER_STOP = 2 };",
+        *_enumerated("answer", Answer),
         "",
         "typedef struct {",
         f"    double {', '.join(f'{name}[WBC_JOINTS]' for name in _LIMITS)};",
@@ -205,12 +206,12 @@ def _struct_text(name: str, struct: Any, pointers: dict[str, str]) -> str:
     return f"const wbc_{name} wbc_planned_{name} = {fields_text(struct, pointers)};\n"
 
 
-def _enumerated(kind: str, names: type[Mode] | type[Fault]) -> list[str]:
+def _enumerated(kind: str, names: type[Enum]) -> list[str]:
     found = [f"    WBC_{kind.upper()}_{one.name}," for one in names]
     return [f"enum wbc_{kind} {{", *found, "};"]
 
 
-def _names(kind: str, names: type[Mode] | type[Fault]) -> str:
+def _names(kind: str, names: type[Enum]) -> str:
     inside = "".join(f'    "{one}",\n' for one in names)
     return f"const char *const wbc_{kind}_names[WBC_{kind.upper()}S] = {{\n{inside}}};"
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import IntEnum, StrEnum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -69,75 +69,52 @@ class Rule(NamedTuple):
 
 
 class Fault(StrEnum):
-    """What can go wrong."""
+    """What can go wrong, and the rule for it."""
 
-    SILENT = "no usable reading"
-    NOT_FINITE = "reading with NaN"
-    OUT_OF_ORDER = "reading repeated or out of order"
-    OLD_READING = "reading too old"
-    CLOCK_JUMPED = "the robot's clock jumped"
-    IMPLAUSIBLE = "reading beyond the possible"
-    JUMPED = "position jumped"
-    IMU_FROZEN = "IMU frozen"
-    ENCODER_DISAGREES = "position and velocity of a joint disagree"
-    IMU_DISAGREES = "gyroscope and orientation disagree"
-    GRAVITY_DISAGREES = "accelerometer and orientation disagree"
-    TORQUE_DISAGREES = "torque is not what was commanded"
-    POSITION = "joint out of range"
-    VELOCITY = "joint too fast"
-    OVERLOAD = "torque beyond the limit"
-    WARM = "motor warm"
-    HOT = "motor hot"
-    TILT = "tilted"
-    COMMAND_NOT_FINITE = "command with NaN"
-    CLIPPED = "command clipped"
-    NO_COMMAND = "no command in time"
-    TICK_FAILED = "tick without solution"
-    CONTROLLER_RAISED = "controller raised"
-    ESTIMATOR_FAILED = "no estimate"
-    LATE_CYCLE = "late cycle"
-    STALLED = "process stalled"
-    BUS_FAILED = "command could not be sent"
-    BUTTON = "stop button"
+    rule: Rule
+
+    def __new__(cls, text: str, answer: Answer, patience: float = 0.0) -> Self:
+        """Make a fault of its words and its rule."""
+        fault = str.__new__(cls, text)
+        fault._value_, fault.rule = text, Rule(answer, patience)
+        return fault
+
+    # Dropped readings count as lost: they add to SILENT, which stops.
+    SILENT = "no usable reading", Answer.STOP, 0.020
+    NOT_FINITE = "reading with NaN", Answer.STOP, 0.020
+    OUT_OF_ORDER = "reading repeated or out of order", Answer.NOTE
+    OLD_READING = "reading too old", Answer.STOP, 0.020
+    CLOCK_JUMPED = "the robot's clock jumped", Answer.STOP, 0.020
+    IMPLAUSIBLE = "reading beyond the possible", Answer.STOP, 0.010
+    JUMPED = "position jumped", Answer.STOP, 0.010
+    # Sensors that contradict each other: which one is wrong is unknown.
+    IMU_FROZEN = "IMU frozen", Answer.STOP, 0.020
+    ENCODER_DISAGREES = "position and velocity of a joint disagree", Answer.STOP, 0.020
+    IMU_DISAGREES = "gyroscope and orientation disagree", Answer.STOP, 0.040
+    GRAVITY_DISAGREES = "accelerometer and orientation disagree", Answer.STOP, 0.050
+    TORQUE_DISAGREES = "torque is not what was commanded", Answer.STOP, 0.100
+    # The robot as measured.
+    POSITION = "joint out of range", Answer.SOFT_STOP, 0.020
+    VELOCITY = "joint too fast", Answer.STOP, 0.010
+    OVERLOAD = "torque beyond the limit", Answer.SOFT_STOP, 0.100
+    WARM = "motor warm", Answer.SOFT_STOP, 0.200
+    HOT = "motor hot", Answer.STOP, 0.050
+    TILT = "tilted", Answer.STOP, 0.006
+    # The controller, which a crouch does not need.
+    COMMAND_NOT_FINITE = "command with NaN", Answer.SOFT_STOP, 0.006
+    CLIPPED = "command clipped", Answer.NOTE
+    NO_COMMAND = "no command in time", Answer.SOFT_STOP, 0.030
+    TICK_FAILED = "tick without solution", Answer.SOFT_STOP, 0.010
+    CONTROLLER_RAISED = "controller raised", Answer.SOFT_STOP
+    ESTIMATOR_FAILED = "no estimate", Answer.SOFT_STOP, 0.020
+    # The machine.
+    LATE_CYCLE = "late cycle", Answer.SOFT_STOP, 0.020
+    STALLED = "process stalled", Answer.STOP
+    BUS_FAILED = "command could not be sent", Answer.STOP, 0.020
+    BUTTON = "stop button", Answer.STOP
 
 
-RULES: Mapping[Fault, Rule] = MappingProxyType(
-    {
-        # Dropped readings count as lost: they add to SILENT, which stops.
-        Fault.SILENT: Rule(Answer.STOP, 0.020),
-        Fault.NOT_FINITE: Rule(Answer.STOP, 0.020),
-        Fault.OUT_OF_ORDER: Rule(Answer.NOTE),
-        Fault.OLD_READING: Rule(Answer.STOP, 0.020),
-        Fault.CLOCK_JUMPED: Rule(Answer.STOP, 0.020),
-        Fault.IMPLAUSIBLE: Rule(Answer.STOP, 0.010),
-        Fault.JUMPED: Rule(Answer.STOP, 0.010),
-        # Sensors that contradict each other: which one is wrong is unknown.
-        Fault.IMU_FROZEN: Rule(Answer.STOP, 0.020),
-        Fault.ENCODER_DISAGREES: Rule(Answer.STOP, 0.020),
-        Fault.IMU_DISAGREES: Rule(Answer.STOP, 0.040),
-        Fault.GRAVITY_DISAGREES: Rule(Answer.STOP, 0.050),
-        Fault.TORQUE_DISAGREES: Rule(Answer.STOP, 0.100),
-        # The robot as measured.
-        Fault.POSITION: Rule(Answer.SOFT_STOP, 0.020),
-        Fault.VELOCITY: Rule(Answer.STOP, 0.010),
-        Fault.OVERLOAD: Rule(Answer.SOFT_STOP, 0.100),
-        Fault.WARM: Rule(Answer.SOFT_STOP, 0.200),
-        Fault.HOT: Rule(Answer.STOP, 0.050),
-        Fault.TILT: Rule(Answer.STOP, 0.006),
-        # The controller, which a crouch does not need.
-        Fault.COMMAND_NOT_FINITE: Rule(Answer.SOFT_STOP, 0.006),
-        Fault.CLIPPED: Rule(Answer.NOTE),
-        Fault.NO_COMMAND: Rule(Answer.SOFT_STOP, 0.030),
-        Fault.TICK_FAILED: Rule(Answer.SOFT_STOP, 0.010),
-        Fault.CONTROLLER_RAISED: Rule(Answer.SOFT_STOP),
-        Fault.ESTIMATOR_FAILED: Rule(Answer.SOFT_STOP, 0.020),
-        # The machine.
-        Fault.LATE_CYCLE: Rule(Answer.SOFT_STOP, 0.020),
-        Fault.STALLED: Rule(Answer.STOP),
-        Fault.BUS_FAILED: Rule(Answer.STOP, 0.020),
-        Fault.BUTTON: Rule(Answer.STOP),
-    }
-)
+RULES: Mapping[Fault, Rule] = MappingProxyType({fault: fault.rule for fault in Fault})
 """The answer to each fault. The tolerated time of an intermittent fault adds up: it decays at
 half the rate at which it grows, and is at most the rule's patience."""
 
