@@ -147,6 +147,8 @@ def test_no_feet_are_said_at_load_and_when_asked_for(caplog: pytest.LogCaptureFi
         ("lfoot", "rfoot", ["left", "right"]),
         ("l_sole", "r_sole", ["left", "right"]),
         ("r2/left_foot", "r2/right_foot", ["left", "right"]),  # a namespace is no side
+        ("L_ANKLE_R_S", "R_ANKLE_R_S", ["left", "right"]),  # about roll
+        ("LLEG_ANKLE_R", "RLEG_ANKLE_R", ["left", "right"]),
         ("FL_foot", "FR_foot", ["left", "right"]),  # a biped may call its legs front ones
         ("LF_FOOT", "RH_FOOT", ["front_left", "hind_right"]),
         ("one", "two", ["left", "right"]),  # the lowest flat bodies, the left one first

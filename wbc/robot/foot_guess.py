@@ -34,7 +34,8 @@ ARM_WORDS = {*HAND_WORDS, "wrist", "arm"}
 NAMELESS = "no link is called a left or right foot, ankle or sole"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
-_JOINED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
+_JOINED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))}|leg)")  # lfoot, rightleg
+_ROLL = re.compile(r"(?<=ankle)_?r(?=_|$)", re.IGNORECASE)  # L_ANKLE_R, LLEG_ANKLE_R
 _SIDE_OF_FOOT = re.compile(rf"(left|right)[_.-]?(?:{'|'.join(sorted(FOOT_WORDS))})", re.IGNORECASE)
 SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: tolerances of two mirrored soles on one ground
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
@@ -59,6 +60,8 @@ def foot_of(link: str) -> str | None:
     # FL of left_foot_FL is a corner of that foot.
     named = SIDES if words & SIDES.keys() else SIDES | CORNERS
     found = [foot for foot, marks in named.items() if words & marks]
+    if len(found) > 1 and (plain := _ROLL.sub("", link)) != link:
+        return foot_of(plain)
     if len(found) > 1:  # the r of r1_left_foot is the robot's
         found = [side.lower() for side in _SIDE_OF_FOOT.findall(link)]
     if len(found) != 1:
