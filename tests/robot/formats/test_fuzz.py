@@ -219,7 +219,7 @@ def test_impossible_file_names_are_refused(name: str) -> None:
 def test_srdf_values_that_are_no_configuration_are_refused(tmp_path: Path, value: str) -> None:
     path = tmp_path / "states.srdf"
     path.write_text(SRDF.replace("0 0 1 0 0 0 1", value))
-    with pytest.raises(ModelError, match=r"'root_joint': .* is not a configuration"):
+    with pytest.raises(ModelError, match=r"'root_joint': .* nor a base's configuration"):
         Robot.load("hoap2_like", srdf=path)
 
 

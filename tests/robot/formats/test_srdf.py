@@ -67,6 +67,7 @@ def test_two_values_are_of_continuous_joints_only(tmp_path: Path, joint: str) ->
         ('<group_state group="all"><joint name="j1" value="0.5"/></group_state>', "without name"),
         ('<xacro:arm xmlns:xacro="http://ros.org/wiki/xacro"/>', "is left of a xacro file"),
         (state("home", "a", j1="$(arg bend)"), "is left of a xacro file"),
+        (state("home", "a", j1=""), "joint 'j1': '' is neither one number nor"),
     ],
 )
 def test_what_is_no_configuration_is_refused(tmp_path: Path, content: str, said: str) -> None:
@@ -136,6 +137,7 @@ def test_the_base_of_a_state_and_elements_of_other_programs_are_no_mistakes(
         ('<disable_collision link1="l1" link2="l3"/>', "(is 'disable_collisions' meant?)"),
         ('<group_state name="home"><Joint name="j1" value="1"/></group_state>', "<Joint> in state"),
         ('<virtual_joint type="fixed" child_link="base"/>', "<virtual_joint> of type 'fixed'"),
+        (f"<group name='g'>{state('home', 'g', j1=1)}</group>", "<group_state> inside <group>"),
     ],
 )
 def test_what_looks_as_if_it_should_be_read_is_told(tmp_path, content: str, told: str) -> None:

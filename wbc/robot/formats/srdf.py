@@ -99,6 +99,8 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
     """
     told = list[str]()
     for element in root:
+        inner = [one.tag for one in element.iter() if one is not element]
+        told += [f"<{tag}> inside <{element.tag}>" for tag in inner if tag in READ_ELEMENTS]
         near = get_close_matches(str(element.tag).lower(), READ_ELEMENTS, n=1, cutoff=SIMILARITY)
         if near and element.tag not in READ_ELEMENTS:
             told.append(f"<{element.tag}> (is {near[0]!r} meant?)")
@@ -152,7 +154,8 @@ def _joint_values(
         wrong = len(values) not in (1, 2, BASE_NQ) or not math.isfinite(norm)
         if wrong or (len(values) == BASE_NQ and math.hypot(*values[3:]) < 1e-3):
             raise ModelError(
-                f"{where} is not a configuration (x, y, z, quaternion x, y, z, w for the base)"
+                f"{where} is neither one number nor (cos, sin), nor a base's configuration"
+                " (x, y, z, quaternion x, y, z, w)"
             )
         if len(values) == 2 == sizes.get(name) and abs(math.hypot(*values) - 1.0) > UNIT_TOLERANCE:
             raise ModelError(f"{where} is no (cos, sin): its squares sum to {norm:.3g}, not 1")
