@@ -335,6 +335,15 @@ def test_four_legs_that_end_in_balls_are_four_points(names: tuple[str, ...]) -> 
     assert all(foot.polygon.shape == (1, 2) for foot in robot.feet.values())
 
 
+def test_four_ends_without_shapes_are_no_feet() -> None:
+    """They were guessed as feet, and the file was refused for their lack of shapes."""
+    parts = [link("trunk", box("0 0 0", ".5 .2 .1"), 5)]
+    for corner, x, y in CORNERS:
+        parts += [link(corner), joint(f"{corner}_j", "trunk", corner, "0 1 0", f"{x} {y} -.2")]
+    (note,) = (note for note in Robot.load(urdf.robot("bare", *parts)).notes if "feet" in note)
+    assert "the lowest ends of limbs, RR, RL, FR, FL, have no shapes" in note
+
+
 def test_legs_that_cannot_bring_the_com_to_the_middle_stand_and_are_not_said_to_fall() -> None:
     """On knees alone, which cannot stretch, feet are 0.1 m behind the CoM and bear it."""
     parts = [link("trunk", box("0 0 0", ".5 .2 .1"), 5)]

@@ -404,18 +404,18 @@ def _lowest_pair(
     hand = next((name for name in carriers if words_of(name) & HAND_WORDS), None)
     if hand is not None:
         return {}, f"{lowest}, are fingers of {hand}"
+    if len(low) not in (2, 4):
+        return {}, f"{lowest}, are not a pair"
+    if any(lowest_point(model, data, geometry, joint) == np.inf for joint in low):
+        return {}, f"{lowest}, have no shapes"
     if len(low) == 4:
         feet = _by_position(data, {joint: str(ends[joint].name) for joint in low})
         return feet, "" if feet else f"{lowest}, are not two to either side"
-    if len(low) != 2:
-        return {}, f"{lowest}, are not a pair"
     soles = []
     for joint in low:
         R = data.oMi[joint].rotation @ ends[joint].placement.rotation
         found = find_sole(model, geometry, ends[joint], R)
-        if found is None:
-            return {}, f"{lowest}, have no shapes"
-        if np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:
+        if found is None or np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:
             return {}, f"{lowest}, have no flat undersides"
         soles.append((data.oMi[joint] * found[0]).translation)
     apart = np.abs(soles[0] * [1, -1, 1] - soles[1])
