@@ -15,7 +15,8 @@ from tests.simulation.accelerations import (
     mass_and_bias,
 )
 from tests.simulation.idle import idle
-from tests.urdf import geared_arm, limit
+from tests.urdf import collision, geared_arm, joint, limit, link
+from tests.urdf import robot as urdf
 from wbc.errors import InvalidInputError, ModelError
 from wbc.robot import Robot, robot_names
 from wbc.simulation import ModelMismatch, Plant, Step, Terrain
@@ -358,3 +359,11 @@ def test_a_foot_rests_while_legs_fold(drift: bool) -> None:
         assert abs(vertical) < 0.1 * own
     else:
         assert vertical == pytest.approx(own, rel=0.2)
+
+
+@pytest.mark.parametrize("shape", ['sphere radius="0"', 'capsule radius="0" length="0.1"'])
+def test_points_and_lines_touch_the_ground(shape: str) -> None:
+    """MuJoCo takes no ball without a size, as public files have for contact points."""
+    tip = link("tip", collision(shape, "0 0 -.1001", "1.5708 0 0"))
+    robot = Robot.load(urdf("arm", link("root"), joint("j", "root", "tip", at="0 0 .1"), tip))
+    assert Plant(robot).touched() == {"tip": "ground"}

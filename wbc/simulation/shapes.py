@@ -20,6 +20,7 @@ from wbc.validate import Array
 # sole makes contact; a step's corner inside of a sole does not. The radius is small, as a tipping
 # foot rolls on it.
 SOLE_RADIUS = 5e-3  # m
+LEAST_RADIUS = 1e-6  # m, of files' points and lines: MuJoCo takes none of 0
 # Bits of contype and conaffinity: of the robot with ground and steps; self-collision is by pairs.
 PLANE, STEP = 1, 2
 SELF_FRICTION = 0.5
@@ -125,7 +126,7 @@ def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body, name: str) -> An
     geom = parent.add_geom(name=name)
     match body.shape:
         case Capsule(ends=ends, radius=radius):
-            _make_rod(mujoco, geom, ends[0], ends[1], radius)
+            _make_rod(mujoco, geom, ends[0], ends[1], max(radius, LEAST_RADIUS))
         case Hull(vertices=vertices):
             mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
