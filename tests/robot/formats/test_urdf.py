@@ -165,6 +165,8 @@ def test_placeholders_for_inertias_are_noted() -> None:
         ('mass value="1"', 'mass value="2000"', "kg: are masses in grams?"),
         ('lower="-1" upper="2"', 'lower="-57" upper="115"', "turn by 115 rad and more: are limits"),
         ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"', ""),  # none
+        ('xyz="0 0 -0.2"', 'xyz="0 0 -0.2" rpy="0 90 0"', "in degrees? joint 'j0', joint 'j1'"),
+        ('xyz="0 0 -0.2"', 'xyz="0 0 -0.2" rpy="0 6.2832 0"', ""),
     ],
 )
 def test_files_in_other_units_are_noted(usual: str, changed: str, told: str) -> None:

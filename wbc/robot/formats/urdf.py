@@ -58,6 +58,7 @@ SIZES = {
 }
 LONGEST_CHAIN = 1000  # links
 WORLD = "world"
+MOST_TURNED = 1.01 * math.tau  # rad, of an origin; files round a whole turn
 
 
 def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> Description:
@@ -87,6 +88,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         shapeless += _check_shapes(link, where)
     for joint in joints:
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
+    notes += _far_turns(root)
     coupled = dict(_coupled_joints(joints, path))
     missing = resolve_meshes(root, path, package_dirs)
     notes += missing_notes(missing)
@@ -288,6 +290,23 @@ def _check_origin(element: ET.Element, where: str) -> None:
             raise ModelError(f"{where}: <origin quat_xyzw> is 0: no rotation; give x y z w")
     if {"rpy", "quat_xyzw"} <= {*origin.attrib}:
         raise ModelError(f"{where}: <origin> has both 'rpy' and 'quat_xyzw'; leave one")
+
+
+def _far_turns(root: ET.Element) -> tuple[str, ...]:
+    """Return a note of what is turned by more than a turn, as by angles in degrees."""
+    placed = [
+        (part, origin)
+        for part in (*root.findall("link"), *root.findall("joint"))
+        for one in (part, *part)
+        if one.tag in ("joint", "inertial", "collision", "visual")
+        for origin in one.findall("origin[@rpy]")
+    ]
+    far = [
+        f"{part.tag} {part.get('name')!r}"
+        for part, origin in placed
+        if max(abs(float(angle)) for angle in origin.get("rpy", "").split()) > MOST_TURNED
+    ]
+    return noted("<origin rpy> is in radians, and more than a turn: in degrees? {}", far)
 
 
 INFINITE = ("inf", "+inf", "infinity", "+infinity"), ("-inf", "-infinity")
