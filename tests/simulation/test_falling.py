@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests import urdf
 from tests.robot.test_feet_of_others import FOOT, TOE, biped
 from tests.simulation.idle import in_the_air
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -99,3 +100,19 @@ def test_a_robot_that_floats_below_the_origin_has_not_fallen(plant: Plant) -> No
     watch = FallWatch(floating, FallLimits())
     floating.step(floating.torque)
     assert watch.verdict().stood
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2])
+def test_links_of_a_bolted_robot_that_begin_in_the_ground_are_told(height: float, caplog) -> None:
+    """As of arms whose zero posture hangs or lies, with their base at the origin."""
+    ball = urdf.link("ball", urdf.collision('sphere radius="0.1"'))
+    arm = urdf.robot("arm", urdf.link("root"), urdf.joint("j", "root", "ball", at=".3 0 0"), ball)
+    plant = Plant(robot := Robot.load(arm, base="fixed"))
+    caplog.clear()
+    q = robot.posture()
+    q[2] = height
+    plant.reset(q)
+    for _ in range(2):
+        plant.step(np.zeros(1))
+    told = "plant: arm begins 100 mm deep in the ground with ball, which will be thrown: raise"
+    assert [text[: len(told)] for text in caplog.messages] == [told] * (height == 0.0)

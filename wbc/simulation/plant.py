@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import deque
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.attributes import DeclaredAttributes
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.extras import quietly, require
 from wbc.gait.walls import Hand, check_hands
 from wbc.kinds import check_kind, switch
@@ -32,6 +33,7 @@ from wbc.simulation.terrain import Terrain
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _STEP_TOLERANCE = 1e-6  # of a control period's number of physics steps, from an integer
+SUNK = 1e-3  # m, below which links of a bolted robot are in the ground, not on it
 PERFECT = Sensors()
 
 
@@ -274,6 +276,8 @@ class Plant(DeclaredAttributes):
         self.torque = read_only(applied)
         self.push_force, self._contacts, self._measurement = np.zeros(3), None, None
         self.applied = sum_by_frame(self.wrenches, self.time, count * self.physics_dt)
+        if self.time == 0.0 and not self.states.floating:
+            self._tell_sunk_links()
         with quietly(self._mujoco):
             external = self.pushes or self.wrenches
             if external or self._delay or self._latency or self._drift:
@@ -282,6 +286,16 @@ class Plant(DeclaredAttributes):
                 self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
                 self._mujoco.mj_step(self.model, self.data, count)
         self._check()
+
+    def _tell_sunk_links(self) -> None:
+        """Warn if a bolted robot begins in the ground, which throws its links."""
+        depth = -float(self.data.contact.dist.min(initial=0.0))
+        if depth > SUNK and (touched := self.touched()):
+            logging.getLogger(__name__).warning(
+                "plant: %s begins %.0f mm deep in the %s with %s, which will be thrown: raise its"
+                " base (q[2]), bend it, or Plant(shapes=False)",
+                *(self.robot.name, 1e3 * depth, touched[min(touched)], listed([*touched])),
+            )
 
     def push(
         self,
