@@ -282,6 +282,7 @@ def test_lines_before_the_declaration_are_no_matter() -> None:
         ("<robot><link></robot>", "line 1, column 15; mend the file there"),
         ('<robot name="toy">\n<link name="a">\n</robot>', "line 3"),
         ("<sdf/>", "<sdf>"),
+        ('<robot name="r"><group name="arm"/></robot>', "an SRDF? load the URDF, with srdf="),
     ],
 )
 def test_what_is_no_urdf_is_told_as_what_it_is(tmp_path: Path, text: str, words: str) -> None:

@@ -103,7 +103,8 @@ def _check_sizes(part: RobotPart) -> None:
         for k in owners:
             if not np.all(np.abs(values[k]) <= LARGEST):  # NaN is not
                 body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
-                wrong = f"larger than {LARGEST:g}" if np.isfinite(values[k]).all() else "not finite"
+                large = f"larger than {LARGEST:g}: correct its units, or the scale of its meshes"
+                wrong = large if np.isfinite(values[k]).all() else "not finite"
                 raise ModelError(f"{path}: body {body!r}: its {what} is {wrong}")
     for joint in joints:
         name, dof = names.joints[joint], int(model.jnt_dofadr[joint])

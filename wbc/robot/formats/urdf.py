@@ -130,7 +130,9 @@ def _checked_root(root: ET.Element, path: Path) -> str:
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
     if not links:
-        raise ModelError(f"{path}: no <link>; a robot needs at least one")
+        is_srdf = root.find("group") is not None or root.find("group_state") is not None
+        hint = ": an SRDF? load the URDF, with srdf=" if is_srdf else "; a robot needs at least one"
+        raise ModelError(f"{path}: no <link>{hint}")
     _refuse_repeated(links, "link", path)
     _refuse_repeated([joint.get("name", "") for joint in joints], "joint", path)
     known, parents = set(links), dict[str, str]()
