@@ -243,6 +243,10 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
     "friction below zero": (urdf('<dynamics friction="-1"/>'), "joint 'j': negative friction -1"),
     "empty dynamics": (urdf("<dynamics/>"), read()),
     "empty safety": (urdf("<safety_controller/><calibration/>"), read()),
+    "soft limits": (
+        urdf('<safety_controller soft_lower_limit="-.5" soft_upper_limit="9"/>'),
+        read("not used: soft limits of safety controllers, of j at -0.5 and 9"),
+    ),
     "xacro without its namespace": (
         urdf("").replace("<link", '<xacro:property name="a" value="1"/><link', 1),
         "unbound prefix: .*; expand its xacro first",

@@ -79,7 +79,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     floats = any(joint.get("type") == "floating" for joint in joints)
     notes = head_notes + world_notes + drop_empty_limits(joints)
     notes += drop_world_shapes(root, base) if floats else ()
-    notes += drop_repeated(root) + complete_materials(root)
+    notes += _softer_limits(joints) + drop_repeated(root) + complete_materials(root)
     notes += (hint,) if (hint := foreign_joints_hint(root)) else ()
     shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
@@ -309,6 +309,23 @@ def _far_turns(root: ET.Element) -> tuple[str, ...]:
         if max(abs(float(angle)) for angle in origin.get("rpy", "").split()) > MOST_TURNED
     ]
     return noted("<origin rpy> is in radians, and more than a turn: in degrees? {}", far)
+
+
+def _softer_limits(joints: list[ET.Element]) -> tuple[str, ...]:
+    """Return a note of limits within the limits, at which ROS's controllers hold a joint back."""
+    softer = list[str]()
+    for joint in joints:
+        safety, limit = joint.find("safety_controller"), joint.find("limit")
+        if safety is None or limit is None or joint.get("type") not in ("revolute", "prismatic"):
+            continue
+        try:
+            soft = [float(safety.get(f"soft_{end}_limit", 0)) for end in ("lower", "upper")]
+            hard = [float(limit.get(end, 0)) for end in ("lower", "upper")]
+        except ValueError:  # refused later where it matters
+            continue
+        if any(soft) and (soft[0] > hard[0] or soft[1] < hard[1]):
+            softer.append(f"{joint.get('name')} at {soft[0]:g} and {soft[1]:g}")
+    return noted("not used: soft limits of safety controllers, of {}; Limits(margin=...)", softer)
 
 
 INFINITE = ("inf", "+inf", "infinity", "+infinity"), ("-inf", "-infinity")
