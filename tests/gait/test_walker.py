@@ -11,6 +11,7 @@ import pytest
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import GaitSettings, adaptation
+from wbc.gait.footsteps import other
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
 from wbc.qp.solution import Status
 from wbc.robot import Robot
@@ -289,6 +290,20 @@ def test_a_foot_that_finds_lower_ground_goes_on_ahead(g1: Robot) -> None:
     for _ in range(2200):
         plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
     assert plant.com[0] > 3.0 and plant.com[2] > 0.9 * walker.gait.height
+
+
+def test_the_heading_waits_for_a_foot_that_is_late(hoap2: Robot) -> None:
+    """It turned on, and of 96 G1 that turned at a drop of 2 or 3 cm 35 fell (12)."""
+    walker, plant, headings = wbc.gait.Walker(hoap2), Plant(hoap2), []
+    walker.command(0.1, 0.0, 0.5)
+    while len(headings) < 10:
+        before, felt = walker.heading, plant.contact_forces
+        if walker.steps == 3 and isinstance(walker.phase, SingleSupport):
+            felt[hoap2.feet[other(walker.phase.support)].frame] = np.zeros(6)
+            headings += [walker.heading] * (walker.phase.swing.late > 0.0)
+        plant.step(walker.step(plant.snapshot(), felt).torque)
+    assert walker.velocity.yaw_rate == 0.5 and before > 0.1
+    assert set(headings) == {before}
 
 
 @pytest.mark.slow

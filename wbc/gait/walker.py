@@ -387,8 +387,7 @@ class Walker:
         if self.velocity != wanted:
             change = acceleration * dt, YAW_ACCELERATION * dt
             self.velocity = self.velocity.towards(wanted, *change)
-        if self.velocity.yaw_rate and not isinstance(self.phase, Standing):
-            self.heading += self.velocity.yaw_rate * dt
+        self.heading += self._turn_rate * dt
         self._judge_strain()
         phase = self._next_phase(snapshot, now, wrenches)
         planner = self._planner
@@ -480,10 +479,21 @@ class Walker:
             vrp = in_plane(com) + ratio * (vrp - in_plane(com))
         ground, *rates = self._ground
         height = SwingMotion(ground + self._nominal_height, *rates)
-        turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         place = self._planner.project_onto_support(self.phase, vrp, now)
         pressure = place.real, place.imag, reference.ground
-        self._whole_body.set_targets(snapshot, pressure, height, self.heading, turn)
+        self._whole_body.set_targets(snapshot, pressure, height, self.heading, self._turn_rate)
+
+    @property
+    def _turn_rate(self) -> float:
+        """How fast the heading turns [rad/s].
+
+        It waits for a foot that is late: place and DCM of the landing are planned in its axes.
+        """
+        phase = self.phase
+        waits = isinstance(phase, Standing) or (
+            isinstance(phase, SingleSupport) and phase.swing.late > 0.0
+        )
+        return 0.0 if waits else self.velocity.yaw_rate
 
     def _judge_strain(self) -> None:
         """Slow down if hips or knees are at their torque limits for most of the time."""
