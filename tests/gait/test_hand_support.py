@@ -202,7 +202,9 @@ def test_an_arm_without_motors_is_refused(start: Snapshot) -> None:
 def test_a_wall_ends_where_its_face_does(start: Snapshot) -> None:
     rail = Wall((0.0, 0.5, 1.0), (0.0, -1.0, 0.0), (1.0, 0.05))  # type: ignore[arg-type]
     assert rail.gap(np.array((0.4, 0.4, 1.0)), 0.03) == pytest.approx(0.07)
-    assert rail.gap(np.array((0.4, 0.6, 1.05)), 0.03) == pytest.approx(-0.13)
+    assert rail.gap(np.array((0.4, 0.6, 1.02)), 0.03) == pytest.approx(-0.13)
+    assert rail.gap(np.array((0.4, 0.484, 0.963)), 0.03) == pytest.approx(0.02 - 0.03)  # its edge
+    assert rail.gap(np.array((0.4, 0.51, 0.955)), 0.03) == np.inf  # under it, not on it
     assert rail.gap(np.array((0.4, 0.47, 1.3)), 0.03) == np.inf
     assert rail.gap(np.array((0.54, 0.47, 1.0)), 0.03) == np.inf
     away = np.array((0.2, 0.2, 1.3))
@@ -342,8 +344,12 @@ def test_a_wall_bears_a_hand_in_the_physics(start: Snapshot) -> None:
 
 
 @pytest.mark.slow
-def test_a_g1_by_a_wall_survives_what_it_does_not_without_its_hand() -> None:
-    short = {"simulation.duration": 2.5}
+@pytest.mark.parametrize("face", [{"point": [0, 0.5, 0.9], "size": [1.6, 1.8]},
+                                  {"point": [0, 0.5, 1.0], "size": [1.6, 0.1]}])  # fmt: skip
+def test_a_g1_by_a_wall_survives_what_it_does_not_without_its_hand(face: dict[str, Any]) -> None:
+    """It leant on a rail from below, as its hand came from there: it slid off, and the G1 fell."""
+    wall = {**face, "normal": [0, -1, 0], "friction": 0.8}
+    short: dict[str, Any] = {"simulation.duration": 2.5, "simulation.terrain.walls": [wall]}
     problem = load_problem(PROBLEM, short)
     assert isinstance(problem, Problem)
     plant = problem.plant()

@@ -298,6 +298,7 @@ class HandSupport:
             return HandsFree()
         if left > 0.0:
             goal, _ = self._goal(snapshot, hand, wall, left)
+            goal += wall.beside(place) * wall.normal  # or a hand would come to a rail from below
             motion = towards(now.motion, goal, now.left, dt)
         else:
             motion = _approach(now.motion, -own.late * wall.normal, dt)

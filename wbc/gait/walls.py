@@ -86,11 +86,18 @@ class Wall:
     def gap(self, middle: Array, radius: float) -> float:
         """Return how far a ball around a point (3,) is in front of the face [m].
 
-        Negative inside or behind it; infinite for a ball beside the face, above a rail say.
+        Negative inside or behind it; infinite for a ball beside the face, above a rail say. One in
+        front of an edge touches that.
         """
-        local = np.abs((middle - self.point) @ self.rotation[:, 1:])
-        beside = bool((local > 0.5 * self.size + radius).any())
-        return math.inf if beside else self.distance(middle) - radius
+        beside, ahead = self.beside(middle), self.distance(middle)
+        if beside == 0.0:
+            return ahead - radius
+        return math.hypot(beside, ahead) - radius if beside < radius and ahead > 0.0 else math.inf
+
+    def beside(self, point: Array) -> float:
+        """Return how far a point (3,) is beside the face, along it [m]; 0 in front and behind."""
+        local = np.abs((point - self.point) @ self.rotation[:, 1:])
+        return math.hypot(*np.maximum(local - 0.5 * self.size, 0.0).tolist())
 
     def touched(self, point: Array, radius: float) -> Array:
         """Return the centre (3,) of a ball on the face that is nearest to a point (3,) [m].
